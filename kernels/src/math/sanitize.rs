@@ -1,0 +1,98 @@
+//! Finite-value sanitising: the pair and its contract.
+
+pub use raytwin_cpu::math::sanitize::*;
+
+/// The WGSL twin.
+pub const WGSL: &str = raytwin_wgsl::math::SANITIZE;
+
+/// What the pair promises.
+#[cfg(feature = "contract")]
+#[must_use]
+pub fn contract() -> Vec<crate::contract::Kernel> {
+    use crate::contract::{Kernel, domains};
+    use glam::{DVec3, Vec3};
+
+    const SOURCE: &str = "IEEE 754-2019, section 3.4 (encoding)";
+    const NOT_FINITE: [u32; 6] = [
+        0x7f80_0000,
+        0xff80_0000,
+        0x7fc0_0000,
+        0xffc0_0000,
+        0x7f80_0001,
+        0xffff_ffff,
+    ];
+    // Zero or normal: an implementation may flush a subnormal on its way.
+    let finite = domains::signed_log_range(1e-30, 3e38);
+    let bits = finite
+        .clone()
+        .and(domains::any_u32())
+        .map(|(x, w)| match w & 3 {
+            0 => NOT_FINITE[(w >> 2) as usize % NOT_FINITE.len()],
+            _ => x.to_bits(),
+        });
+    let any = bits.clone().map(f32::from_bits);
+    let number = |bits: u32| {
+        let magnitude = bits & 0x7fff_ffff;
+        (magnitude < 0x7f80_0000).then(|| f64::from(f32::from_bits(bits)))
+    };
+
+    vec![
+        Kernel::new(
+            "math/sanitize",
+            "finite_bits",
+            ["bits"],
+            finite_bits,
+            move |b: u32| u32::from(number(b).is_some()),
+            (domains::any_u32()
+                .and(bits.clone())
+                .map(|(a, b)| if a & 1 == 0 { a } else { b }),),
+        )
+        .bit_exact()
+        .hard(NOT_FINITE.map(|b| (b,)))
+        .hard([(0,), (1,), (0x8000_0000,), (0x7f7f_ffff,), (0x007f_ffff,)])
+        .source(SOURCE)
+        .build(),
+        Kernel::new(
+            "math/sanitize",
+            "sanitize_bits",
+            ["bits", "fallback"],
+            sanitize_bits,
+            move |b: u32, fallback: f64| number(b).unwrap_or(fallback),
+            (bits, finite.clone()),
+        )
+        .bit_exact()
+        .hard(NOT_FINITE.map(|b| (b, 3.0)))
+        .hard([(0x7f7f_ffff, 0.0), (0x0080_0000, 1.0), (0, 1.0)])
+        .source(SOURCE)
+        .build(),
+        Kernel::new(
+            "math/sanitize",
+            "sanitize_finite",
+            ["x", "fallback"],
+            sanitize_finite,
+            |x: f64, fallback: f64| if x.is_finite() { x } else { fallback },
+            (any.clone(), finite.clone()),
+        )
+        .bit_exact()
+        .hard(NOT_FINITE.map(|b| (f32::from_bits(b), 7.0)))
+        .hard([(f32::MAX, 1.0), (f32::MIN, 1.0), (0.0, 1.0)])
+        .source(SOURCE)
+        .build(),
+        Kernel::new(
+            "math/sanitize",
+            "sanitize_vector",
+            ["v", "fallback"],
+            sanitize_vector,
+            |v: DVec3, fallback: DVec3| if v.is_finite() { v } else { fallback },
+            (domains::vec3(any), domains::vec3(finite)),
+        )
+        .bit_exact()
+        .hard(NOT_FINITE.map(|b| (Vec3::new(1.0, f32::from_bits(b), 2.0), Vec3::ZERO)))
+        .hard([
+            (Vec3::splat(f32::MAX), Vec3::ZERO),
+            (Vec3::new(0.0, 0.0, f32::INFINITY), Vec3::ONE),
+        ])
+        .source(SOURCE)
+        .build(),
+    ]
+}

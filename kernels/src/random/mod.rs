@@ -1,0 +1,4 @@
+//! Where random numbers come from. The kernels themselves only take `u`.
+
+pub mod halton;
+pub mod pcg;

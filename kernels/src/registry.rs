@@ -1,0 +1,33 @@
+//! Every technique, a line each.
+
+use crate::contract::Technique;
+
+macro_rules! registry {
+    ($($group:ident / $name:ident;)*) => {
+        /// Every technique with its contract. Tests, benches, the report and
+        /// the tables in the docs walk this list and know nothing else.
+        #[must_use]
+        pub fn registry() -> Vec<Technique> {
+            vec![$(Technique {
+                name: concat!(stringify!($group), "/", stringify!($name)),
+                kernels: crate::$group::$name::contract(),
+            }),*]
+        }
+    };
+}
+
+registry! {
+    math / exponent;
+    math / luminance;
+    math / octahedral;
+    math / sanitize;
+    math / trig;
+    math / vector;
+    random / halton;
+    random / pcg;
+    sample / basis;
+    sample / cone;
+    sample / disk;
+    sample / hemisphere;
+    sample / sphere;
+}

@@ -1,0 +1,192 @@
+//! The GPU half of raytwin: plain WGSL that anybody can import.
+//!
+//! Every module is a text of declarations only: no bindings, no entry points,
+//! no directives, names prefixed so that they are unique in any program. Take
+//! one constant (`raytwin_wgsl::sample::CONE`) when you assemble sources
+//! yourself, or let [`link`] bring a module with everything that it needs:
+//!
+//! ```
+//! let mut source = raytwin_wgsl::link(&["sample/cone", "random/pcg"])?;
+//! source += "
+//!     @compute @workgroup_size(64) fn main() {
+//!         let d = cone_sample(vec2f(0.5, 0.5), 1e-5);
+//!     }";
+//! # Ok::<(), raytwin_wgsl::LinkError>(())
+//! ```
+//!
+//! A module that reads scene data does so through small functions which you
+//! define ([`Module::callbacks`]); ready storage-buffer bindings lie beside it
+//! ([`Module::bindings`]).
+
+use std::fmt;
+
+/// One WGSL text and what it stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Module {
+    /// Path of the technique, `group/name`, the same as on the CPU side.
+    pub name: &'static str,
+    /// The text: declarations only.
+    pub source: &'static str,
+    /// Modules whose declarations it uses.
+    pub requires: &'static [&'static str],
+    /// Functions that the program must define for it, as WGSL signatures.
+    pub callbacks: &'static [&'static str],
+    /// Ready bindings that define those functions over storage buffers.
+    pub bindings: Option<&'static str>,
+}
+
+/// Why [`link`] could not put a program together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LinkError {
+    /// The name that no module has.
+    pub module: String,
+    /// The module that asked for it, or `None` if the caller did.
+    pub required_by: Option<&'static str>,
+}
+
+impl fmt::Display for LinkError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no WGSL module is named `{}`", self.module)?;
+        if let Some(by) = self.required_by {
+            write!(f, ", which `{by}` requires")?;
+        }
+        write!(f, "; raytwin_wgsl::MODULES lists those that exist")
+    }
+}
+
+impl std::error::Error for LinkError {}
+
+/// The module of this name (`"sample/cone"`), if there is one.
+#[must_use]
+pub fn module(name: &str) -> Option<&'static Module> {
+    MODULES.iter().find(|m| m.name == name)
+}
+
+/// The named modules and everything that they require, each once,
+/// dependencies first.
+///
+/// # Errors
+/// If a name is not in [`MODULES`].
+pub fn linked(names: &[&str]) -> Result<Vec<&'static Module>, LinkError> {
+    fn visit(
+        name: &str,
+        required_by: Option<&'static str>,
+        out: &mut Vec<&'static Module>,
+    ) -> Result<(), LinkError> {
+        if out.iter().any(|m| m.name == name) {
+            return Ok(());
+        }
+        let module = module(name).ok_or_else(|| LinkError {
+            module: name.into(),
+            required_by,
+        })?;
+        for need in module.requires {
+            visit(need, Some(module.name), out)?;
+        }
+        out.push(module);
+        Ok(())
+    }
+
+    let mut out = Vec::new();
+    for name in names {
+        visit(name, None, &mut out)?;
+    }
+    Ok(out)
+}
+
+/// One WGSL source with the named modules and everything that they require,
+/// each once, dependencies first.
+///
+/// # Errors
+/// If a name is not in [`MODULES`].
+pub fn link(names: &[&str]) -> Result<String, LinkError> {
+    Ok(linked(names)?
+        .iter()
+        .map(|m| m.source)
+        .collect::<Vec<_>>()
+        .join("\n"))
+}
+
+/// The registry: `NAME "file" [requires]`, and for a module that calls back
+/// `{ signatures } "bindings file"`.
+macro_rules! modules {
+    ($($(#[$doc:meta])* $group:ident { $(
+        $const:ident $name:literal [$($need:literal),*]
+        $({ $($callback:literal),+ } $bindings:literal)?;
+    )* })*) => {
+        $(
+            $(#[$doc])*
+            pub mod $group {
+                $(
+                    #[doc = concat!("The text of `", stringify!($group), "/", $name, "`, without what it requires.")]
+                    pub const $const: &str = include_str!(concat!(stringify!($group), "/", $name, ".wgsl"));
+                )*
+            }
+        )*
+        /// Every module, as static data.
+        pub static MODULES: &[Module] = &[$($(Module {
+            name: concat!(stringify!($group), "/", $name),
+            source: $group::$const,
+            requires: &[$($need),*],
+            callbacks: &[$($($callback),+)?],
+            bindings: modules!(@bindings $($group $bindings)?),
+        }),*),*];
+    };
+    (@bindings) => { None };
+    (@bindings $group:ident $file:literal) => {
+        Some(include_str!(concat!(stringify!($group), "/", $file)))
+    };
+}
+
+modules! {
+    /// Numeric building blocks.
+    math {
+        EXPONENT "exponent" [];
+        LUMINANCE "luminance" [];
+        OCTAHEDRAL "octahedral" ["math/vector"];
+        SANITIZE "sanitize" [];
+        TRIG "trig" [];
+        VECTOR "vector" [];
+    }
+    /// Random and quasi-random numbers.
+    random {
+        HALTON "halton" [];
+        PCG "pcg" [];
+    }
+    /// Warps from the unit square.
+    sample {
+        BASIS "basis" [];
+        CONE "cone" ["math/trig"];
+        DISK "disk" ["math/trig"];
+        HEMISPHERE "hemisphere" ["sample/disk", "math/trig"];
+        SPHERE "sphere" ["math/trig"];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_module_appears_once_after_what_it_requires() {
+        let all = linked(&["sample/hemisphere", "sample/cone", "sample/hemisphere"]).unwrap();
+        let names: Vec<_> = all.iter().map(|m| m.name).collect();
+        assert_eq!(
+            names,
+            ["math/trig", "sample/disk", "sample/hemisphere", "sample/cone"]
+        );
+    }
+
+    #[test]
+    fn an_unknown_name_is_named() {
+        let error = link(&["sample/cones"]).unwrap_err();
+        assert!(error.to_string().contains("`sample/cones`"));
+    }
+
+    #[test]
+    fn every_requirement_exists() {
+        for m in MODULES {
+            linked(&[m.name]).unwrap();
+        }
+    }
+}
