@@ -74,8 +74,7 @@ pub fn log2_poly(x: f32) -> f32 {
     let f = f32::from_bits(mantissa) - 1.0;
     let p = f
         * (L1
-            + f * (L2
-                + f * (L3 + f * (L4 + f * (L5 + f * (L6 + f * (L7 + f * (L8 + f * L9))))))));
+            + f * (L2 + f * (L3 + f * (L4 + f * (L5 + f * (L6 + f * (L7 + f * (L8 + f * L9))))))));
     exponent as f32 + p
 }
 

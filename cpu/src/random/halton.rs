@@ -216,8 +216,8 @@ mod tests {
                 halton_index(255, 728, i + HALTON_PERIOD)
             );
         }
-        let widest = u64::from(HALTON_STRIDE - 1)
-            + u64::from(HALTON_PERIOD - 1) * u64::from(HALTON_STRIDE);
+        let widest =
+            u64::from(HALTON_STRIDE - 1) + u64::from(HALTON_PERIOD - 1) * u64::from(HALTON_STRIDE);
         assert!(widest <= u64::from(u32::MAX));
     }
 

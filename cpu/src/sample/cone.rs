@@ -38,13 +38,17 @@ pub fn cone_one_minus_cos_from_sin(sin_half_angle: f32) -> f32 {
 
 /// A uniform direction within the cone around +z.
 ///
-/// Error analysis: with `x = u.x·one_minus_cos` the sine is `√(x(2 - x))`,
-/// whose relative error stays a few ULP however narrow the cone.
+/// Error analysis: with `x = u.x·one_minus_cos` the sine is `√(x(2 - x))`.
+/// `2 - x` is summed from `2 - one_minus_cos` (exact from 1 on) and
+/// `(1 - u.x)·one_minus_cos` (both positive, `1 - u.x` exact), so no step
+/// cancels: the relative error stays a few ULP in the narrowest cone and at
+/// the far pole of the widest, where `2 - x` itself loses every digit.
 #[inline]
 #[must_use]
 pub fn cone_sample(u: Vec2, one_minus_cos: f32) -> Vec3 {
     let x = u.x * one_minus_cos;
-    let r = (x * (2.0 - x)).sqrt();
+    let rest = (2.0 - one_minus_cos) + (1.0 - u.x) * one_minus_cos;
+    let r = (x * rest).sqrt();
     let turn = sincos_turn(u.y);
     Vec3::new(r * turn.y, r * turn.x, 1.0 - x)
 }
@@ -98,7 +102,11 @@ mod tests {
     fn sun_keeps_every_radius() {
         let omc = cone_one_minus_cos(0.00465);
         let mut radii: Vec<u32> = (0..4096)
-            .map(|i| cone_sample(Vec2::new(i as f32 / 4096.0, 0.0), omc).x.to_bits())
+            .map(|i| {
+                cone_sample(Vec2::new(i as f32 / 4096.0, 0.0), omc)
+                    .x
+                    .to_bits()
+            })
             .collect();
         radii.sort_unstable();
         radii.dedup();

@@ -21,7 +21,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |rgb: DVec3| 0.2126 * rgb.x + 0.7152 * rgb.y + 0.0722 * rgb.z,
             (domains::vec3(domains::log_range(1e-4, 1e5)),),
         )
-        .few_ulp(2.5, 5.0)
+        .few_ulp(2.25, 3.5)
         .hard(
             [
                 Vec3::ZERO,

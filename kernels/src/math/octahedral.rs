@@ -31,7 +31,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             },
             (domains::unit_vector(),),
         )
-        .few_ulp(2.0, 6.0)
+        .few_ulp(2.0, 4.5)
         .scale(0.5)
         .hard(
             [
@@ -73,7 +73,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 .and(domains::range(-1.0, 1.0))
                 .map(|(x, y)| Vec2::new(x, y)),),
         )
-        .few_ulp(4.0, 16.0)
+        .few_ulp(2.5, 13.5)
         .scale(0.5)
         .hard(
             [

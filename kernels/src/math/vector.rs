@@ -30,7 +30,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         // Terms of opposite sign cancel: the error belongs to their sizes.
         .scale_by(|a: DVec3, b: DVec3| a.abs().dot(b.abs()))
-        .few_ulp(1.5, 4.0)
+        .few_ulp(1.75, 3.5)
         .hard([
             (Vec3::new(1.0, 1.0, 1.0), Vec3::new(1.0, -1.0, 1e-7)),
             (Vec3::splat(1e18), Vec3::splat(1e18)),
@@ -47,7 +47,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (vector.clone(), vector),
         )
         .scale_by(|a: DVec3, b: DVec3| a.abs().max_element() * b.abs().max_element())
-        .few_ulp(2.0, 5.0)
+        .few_ulp(1.5, 2.5)
         .hard([
             (Vec3::X, Vec3::Y),
             (Vec3::ONE, Vec3::ONE),
@@ -63,7 +63,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |a: DVec3| a.length(),
             (not_zero.clone(),),
         )
-        .few_ulp(2.0, 6.0)
+        .few_ulp(1.5, 8.0)
         .hard(
             [
                 Vec3::X,
@@ -83,7 +83,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |a: DVec3| a.normalize(),
             (not_zero,),
         )
-        .few_ulp(3.0, 10.0)
+        .few_ulp(2.75, 13.0)
         .hard(
             [
                 Vec3::X,

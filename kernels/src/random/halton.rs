@@ -171,7 +171,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             radical_inverse,
             (bases, indices.clone()),
         )
-        .few_ulp(2.0, 6.0)
+        .few_ulp(1.5, 4.5)
         .scale(0.5)
         .hard([
             (2, u32::MAX),
@@ -201,7 +201,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             },
             (domains::below(64), indices.clone()),
         )
-        .few_ulp(2.0, 6.0)
+        .few_ulp(1.5, 4.5)
         .scale(0.5)
         .hard([(0, u32::MAX), (31, u32::MAX), (32, 1), (u32::MAX, 1)])
         .source(HALTON)
@@ -221,7 +221,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 .and(indices)
                 .map(|(dimension, index)| HaltonState { dimension, index }),),
         )
-        .few_ulp(2.0, 6.0)
+        .few_ulp(1.5, 4.5)
         .scale(0.5)
         .hard(
             [(u32::MAX, 1), (2, 0), (31, u32::MAX)]

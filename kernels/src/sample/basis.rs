@@ -56,7 +56,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (domains::unit_vector(),),
         )
         .scale(0.5)
-        .few_ulp(3.0, 8.0)
+        .few_ulp(1.75, 4.5)
         .hard(hard.map(|n| (n,)))
         .source(SOURCE)
         .baseline(
@@ -99,7 +99,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 .map(|((frame, n), v)| (frame, n, v)),
         )
         .scale(0.5)
-        .few_ulp(2.0, 6.0)
+        .few_ulp(2.0, 3.5)
         .hard(hard.map(|n| (basis_from_normal(n), n, Vec3::new(0.6, 0.0, 0.8))))
         .source(SOURCE)
         .build(),
@@ -114,7 +114,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 .map(|((frame, n), v)| (frame, n, v)),
         )
         .scale(0.5)
-        .few_ulp(2.0, 6.0)
+        .few_ulp(2.0, 3.5)
         .hard(hard.map(|n| (basis_from_normal(n), n, Vec3::new(0.6, 0.0, 0.8))))
         .source(SOURCE)
         .build(),

@@ -45,7 +45,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |a: f64| 2.0 * (a / 2.0).sin().powi(2),
             (domains::log_range(1e-6, std::f32::consts::PI),),
         )
-        .few_ulp(6.0, 12.0)
+        .few_ulp(5.5, 9.5)
         .hard([0.0, 0.00465, 1e-3, 2e-4, 1e-10, std::f32::consts::PI, 1.5].map(|a| (a,)))
         .source("half-angle identity")
         .baseline(
@@ -63,7 +63,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |s: f64| s * s / (1.0 + ((1.0 - s) * (1.0 + s)).sqrt()),
             (domains::log_range(1e-6, 1.0),),
         )
-        .few_ulp(3.0, 10.0)
+        .few_ulp(2.25, 9.5)
         .hard([0.0, 1.0, 0.99999994, 1e-10, 0.00465].map(|s| (s,)))
         .source("Physically Based Rendering, 4th ed., 6.2.4")
         .build(),
@@ -73,6 +73,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             ["u", "one_minus_cos"],
             cone_sample,
             |u: DVec2, omc: f64| {
+                // u.x·omc is exact in f64, and so is 2 minus it.
                 let x = u.x * omc;
                 (DVec2::from_angle(TAU * u.y) * (x * (2.0 - x)).sqrt()).extend(1.0 - x)
             },
@@ -82,7 +83,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         // light needs. z is compared on the same scale, and z's own rounding
         // step shows only where the cone is wider than that.
         .scale(0.5)
-        .few_ulp(4.0, 16.0)
+        .few_ulp(2.5, 10.0)
         .hard([
             (Vec2::ZERO, 0.5),
             (Vec2::splat(0.99999994), 2.0),
@@ -91,6 +92,9 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (Vec2::new(0.99999994, 0.125), 5e-13),
             (Vec2::new(0.99999994, 0.7), 1e-30),
             (Vec2::new(0.3, 0.6), 2.0),
+            (Vec2::new(0.9999999, 0.125), 1.9999999),
+            (Vec2::new(0.99999994, 0.3), 1.9999999),
+            (Vec2::new(0.9999, 0.7), 1.9998),
         ])
         .source(SOURCE)
         .baseline(
@@ -126,7 +130,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             around,
         )
         .undecided(move |d: DVec3, omc: f64| (height(d) / omc - 1.0).abs() < 4e-6)
-        .few_ulp(2.0, 4.0)
+        .few_ulp(1.25, 3.5)
         .hard([
             (Vec3::Z, sun),
             (Vec3::X, sun),
@@ -146,7 +150,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale(0.5)
         .undecided(|d: DVec3, _: f64| azimuth(d.y, d.x).1)
-        .few_ulp(6.0, 20.0)
+        .few_ulp(3.25, 11.0)
         .hard([
             (Vec3::Z, sun),
             (-Vec3::Z, 2.0),

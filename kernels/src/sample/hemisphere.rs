@@ -58,7 +58,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (domains::unit_pair(),),
         )
         .scale(0.5)
-        .few_ulp(3.0, 12.0)
+        .few_ulp(3.0, 9.0)
         .hard(hard_u.map(|u| (u,)))
         .source(COSINE)
         .baseline(
@@ -85,7 +85,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |d: DVec3| d.z.max(0.0) / PI,
             (domains::unit_vector(),),
         )
-        .few_ulp(1.0, 2.0)
+        .few_ulp(1.25, 2.0)
         .hard(hard_d.map(|d| (d,)))
         .source(COSINE)
         .build(),
@@ -115,7 +115,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (upper.clone(),),
         )
         .scale(0.5)
-        .few_ulp(4.0, 16.0)
+        .few_ulp(2.0, 6.0)
         .hard(hard_d.map(|d| (d,)))
         .source(COSINE)
         .build(),
@@ -131,7 +131,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (domains::unit_pair(),),
         )
         .scale(0.5)
-        .few_ulp(3.0, 12.0)
+        .few_ulp(2.5, 10.0)
         .hard(hard_u.map(|u| (u,)))
         .source(UNIFORM)
         .build(),
@@ -143,7 +143,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |d: DVec3| if d.z >= 0.0 { 1.0 / TAU } else { 0.0 },
             (domains::unit_vector(),),
         )
-        .few_ulp(0.5, 1.0)
+        .few_ulp(0.5, 0.5)
         .hard(hard_d.map(|d| (d,)))
         .source(UNIFORM)
         .build(),
@@ -157,7 +157,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale(0.5)
         .undecided(|d: DVec3| azimuth(d.y, d.x).1)
-        .few_ulp(2.0, 6.0)
+        .few_ulp(1.0, 1.5)
         .hard([Vec3::Z, Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y].map(|d| (d,)))
         .source(UNIFORM)
         .build(),

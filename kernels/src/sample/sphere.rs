@@ -30,7 +30,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (domains::unit_pair(),),
         )
         .scale(0.5)
-        .few_ulp(3.0, 16.0)
+        .few_ulp(2.25, 9.5)
         .hard(
             [
                 Vec2::ZERO,
@@ -66,7 +66,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             |_: DVec3| 1.0 / (4.0 * PI),
             (domains::unit_vector(),),
         )
-        .few_ulp(0.5, 1.0)
+        .few_ulp(0.5, 0.5)
         .hard([Vec3::Z, -Vec3::Z].map(|d| (d,)))
         .source(SOURCE)
         .build(),
@@ -80,7 +80,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale(0.5)
         .undecided(|d: DVec3| azimuth(d.y, d.x).1)
-        .few_ulp(2.0, 6.0)
+        .few_ulp(0.75, 1.5)
         .hard([Vec3::Z, -Vec3::Z, Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y].map(|d| (d,)))
         .source(SOURCE)
         .build(),

@@ -26,7 +26,9 @@ fn cone_one_minus_cos_from_sin(sin_half_angle: f32) -> f32 {
 // A uniform direction within the cone around +z.
 fn cone_sample(u: vec2f, one_minus_cos: f32) -> vec3f {
     let x = u.x * one_minus_cos;
-    let r = sqrt(x * (2.0 - x));
+    // 2 - x without cancellation at the far pole.
+    let rest = (2.0 - one_minus_cos) + (1.0 - u.x) * one_minus_cos;
+    let r = sqrt(x * rest);
     let turn = sincos_turn(u.y);
     return vec3f(r * turn.y, r * turn.x, 1.0 - x);
 }
