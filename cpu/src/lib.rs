@@ -24,4 +24,5 @@
 
 pub mod math;
 pub mod random;
+pub mod ray;
 pub mod sample;

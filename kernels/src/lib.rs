@@ -31,6 +31,7 @@ pub mod contract;
 
 pub mod math;
 pub mod random;
+pub mod ray;
 pub mod sample;
 
 #[cfg(feature = "contract")]

@@ -153,6 +153,20 @@ modules! {
         HALTON "halton" [];
         PCG "pcg" [];
     }
+    /// Rays, shapes and traversal.
+    ray {
+        AABB "aabb" ["ray/ray"];
+        BVH "bvh" ["ray/triangle"]
+            {
+                "fn bvh_read_node(index: u32) -> BvhNode",
+                "fn bvh_read_triangle(index: u32) -> BvhTriangle"
+            } "bvh.bindings.wgsl";
+        CAMERA "camera" ["math/vector", "ray/ray"];
+        PLANE "plane" ["math/vector", "ray/ray"];
+        RAY "ray" [];
+        SPHERE "sphere" ["math/vector", "ray/ray"];
+        TRIANGLE "triangle" ["math/vector", "ray/ray", "ray/aabb", "ray/plane"];
+    }
     /// Warps from the unit square.
     sample {
         BASIS "basis" [];

@@ -1,0 +1,174 @@
+//! The house rules that a machine can check.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("tests/ lies in the workspace")
+        .to_path_buf()
+}
+
+/// `group/name` of each file `folder/group/name.ext`.
+fn techniques(folder: &str, extension: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let base = root().join(folder);
+    let entries = |path: &Path| {
+        std::fs::read_dir(path)
+            .unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+            .map(|entry| entry.expect("directory entry").path())
+            .collect::<Vec<_>>()
+    };
+    for group in entries(&base) {
+        let group_name = group
+            .file_name()
+            .expect("name")
+            .to_string_lossy()
+            .into_owned();
+        if !group.is_dir() || group_name == "contract" || group_name == "gpu" {
+            continue;
+        }
+        for file in entries(&group) {
+            let name = file
+                .file_name()
+                .expect("name")
+                .to_string_lossy()
+                .into_owned();
+            let Some(stem) = name.strip_suffix(extension) else {
+                continue;
+            };
+            // `bvh.bindings.wgsl` and `bvh_build.rs` belong to `bvh`.
+            let part = stem.contains('.') || stem.ends_with("_build");
+            if !part && !["mod", "README"].contains(&stem) {
+                found.insert(format!("{group_name}/{stem}"));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_technique_has_all_its_rooms() {
+    let cpu = techniques("cpu/src", ".rs");
+    assert!(cpu.len() >= 13, "only {cpu:?}");
+    let registered: BTreeSet<_> = raytwin::registry()
+        .iter()
+        .map(|t| t.name.to_string())
+        .collect();
+    let modules: BTreeSet<_> = raytwin::wgsl::MODULES
+        .iter()
+        .map(|m| m.name.to_string())
+        .collect();
+    for (what, have) in [
+        ("a WGSL twin in wgsl/src", techniques("wgsl/src", ".wgsl")),
+        ("a line in raytwin_wgsl::MODULES", modules),
+        ("a pair in kernels/src", techniques("kernels/src", ".rs")),
+        ("a line in kernels/src/registry.rs", registered),
+        ("a page in docs", techniques("docs", ".md")),
+    ] {
+        let missing: Vec<_> = cpu.difference(&have).collect();
+        assert!(missing.is_empty(), "without {what}: {missing:?}");
+        let extra: Vec<_> = have.difference(&cpu).collect();
+        assert!(extra.is_empty(), "{what} but no CPU twin: {extra:?}");
+    }
+}
+
+/// Names of the public functions in a Rust file, tests left out.
+fn rust_functions(path: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(path).expect("a CPU twin");
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    code.lines()
+        .filter_map(|l| l.strip_prefix("pub fn "))
+        .map(|l| l.split(['(', '<']).next().unwrap_or_default().to_string())
+        .collect()
+}
+
+#[test]
+fn every_function_has_a_twin_and_a_contract() {
+    for technique in raytwin::registry() {
+        let module = raytwin::wgsl::module(technique.name).expect("registered");
+        let cpu = rust_functions(&root().join(format!("cpu/src/{}.rs", technique.name)));
+        let wgsl: BTreeSet<_> = module
+            .source
+            .lines()
+            .filter_map(|l| l.strip_prefix("fn "))
+            .map(|l| l.split('(').next().unwrap_or_default().to_string())
+            .collect();
+        let contracts: BTreeSet<_> = technique
+            .kernels
+            .iter()
+            .map(|k| k.name.to_string())
+            .collect();
+        assert!(!contracts.is_empty(), "{} has no kernel", technique.name);
+        assert!(
+            cpu.is_subset(&wgsl),
+            "{}: without a WGSL twin: {:?}",
+            technique.name,
+            cpu.difference(&wgsl)
+        );
+        assert_eq!(
+            cpu, contracts,
+            "{}: CPU functions and contracts differ",
+            technique.name
+        );
+        for kernel in &technique.kernels {
+            assert_eq!(
+                kernel.module, technique.name,
+                "{kernel:?} names another module"
+            );
+            assert!(!kernel.source.is_empty(), "{kernel:?} names no source");
+            assert!(!kernel.hard.is_empty(), "{kernel:?} lists no hard case");
+        }
+    }
+}
+
+#[test]
+fn every_kernel_has_a_bench_row() {
+    // The benches walk the registry: what they list is what they run.
+    let text = std::fs::read_to_string(root().join("benches/benches/kernels.rs"))
+        .expect("the microbenchmarks");
+    assert!(
+        text.contains("raytwin::registry()"),
+        "benches/benches/kernels.rs no longer walks the registry"
+    );
+}
+
+#[test]
+fn docs_tables_are_those_of_the_contracts() {
+    for technique in raytwin::registry() {
+        let path = root().join(format!("docs/{}.md", technique.name));
+        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
+        let table = raytwin_tests::docs::contract_table(&technique);
+        assert!(
+            text.contains(&table),
+            "{} does not hold the contract's table; run `cargo xtask docs`. Expected:\n{table}",
+            path.display()
+        );
+    }
+}
+
+#[test]
+fn cpu_crate_needs_glam_only_and_wgsl_crate_nothing() {
+    let metadata = cargo_metadata::MetadataCommand::new()
+        .manifest_path(root().join("Cargo.toml"))
+        .no_deps()
+        .other_options(vec!["--offline".into()])
+        .exec()
+        .expect("cargo metadata");
+    let dependencies = |name: &str| {
+        let package = metadata
+            .packages
+            .iter()
+            .find(|p| p.name.as_str() == name)
+            .expect("a workspace member");
+        package
+            .dependencies
+            .iter()
+            .filter(|d| d.kind == cargo_metadata::DependencyKind::Normal)
+            .map(|d| d.name.clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(dependencies("raytwin-cpu"), ["glam"]);
+    assert!(dependencies("raytwin-wgsl").is_empty());
+}

@@ -1,0 +1,151 @@
+// Closest-hit and any-hit traversal of a binary bounding volume hierarchy.
+// Needs ray/triangle and what that needs.
+//
+// The tree is read through two functions that the shader defines, or takes
+// from ray/bvh.bindings:
+//     fn bvh_read_node(index: u32) -> BvhNode
+//     fn bvh_read_triangle(index: u32) -> BvhTriangle
+//
+// Traversal finds what a loop over all triangles with
+// triangle_intersect_watertight finds, whatever the tree: a triangle's hit is
+// only accepted inside the interval of its own box, every node's box contains
+// that box, and the slab test is monotone. Among hits at one t the lowest
+// primitive index wins.
+
+// Postponed nodes that a traversal can hold; a tree may be one level deeper.
+const BVH_STACK: u32 = 64u;
+
+// A traversal that has visited this many nodes and triangles ends with what it
+// has: only a broken tree, or a ray that meets millions of boxes, gets there.
+const BVH_STEPS: u32 = 4194304u;
+
+// BvhHit.primitive of a miss.
+const BVH_MISS: u32 = 0xffffffffu;
+
+// A node: 32 bytes.
+struct BvhNode {
+    min: vec3f,
+    // Inner node: index of the first child, the second follows it; a child
+    // comes after its parent. Leaf: index of the first triangle.
+    first: u32,
+    max: vec3f,
+    // Number of triangles; 0 for an inner node.
+    count: u32,
+}
+
+// A triangle in leaf order.
+struct BvhTriangle {
+    a: vec3f,
+    b: vec3f,
+    c: vec3f,
+    // Its index in the mesh.
+    primitive: u32,
+}
+
+// The closest hit.
+struct BvhHit {
+    // The ray's parameter at the hit; on a miss the ray's t_max.
+    t: f32,
+    // Barycentric weights of the second and the third vertex.
+    u: f32,
+    v: f32,
+    // The triangle's index in the mesh, or BVH_MISS.
+    primitive: u32,
+}
+
+// Where the ray enters a node's box, or a negative number if it does not touch
+// it between t_min and t_max.
+fn bvh_enter(node: BvhNode, shear: RayShear, t_min: f32, t_max: f32) -> f32 {
+    let slab = aabb_slab(node.min, node.max, shear);
+    let near = max(slab.x, t_min);
+    let far = slab.y * AABB_WIDEN + shear.slack;
+    return select(-1.0, near, near <= far && near <= t_max);
+}
+
+// The shared walk: with any it ends at the first hit.
+fn bvh_walk(ray: Ray, any_hit: bool) -> BvhHit {
+    var best = BvhHit(ray.t_max, 0.0, 0.0, BVH_MISS);
+    let shear = ray_shear(ray);
+    var stack_node: array<u32, BVH_STACK>;
+    var stack_near: array<f32, BVH_STACK>;
+    var depth = 0u;
+    var index = 0u;
+    var steps = 0u;
+    let root = bvh_read_node(0u);
+    if bvh_enter(root, shear, ray.t_min, best.t) < 0.0 {
+        return best;
+    }
+    var first = root.first;
+    var count = root.count;
+    while steps < BVH_STEPS {
+        steps += 1u;
+        var down = false;
+        if count > 0u {
+            let size = min(count, BVH_STEPS - steps);
+            for (var i = 0u; i < size; i += 1u) {
+                let triangle = bvh_read_triangle(first + i);
+                let hit = triangle_intersect_sheared(
+                    shear,
+                    ray.t_min,
+                    best.t,
+                    triangle.a,
+                    triangle.b,
+                    triangle.c,
+                );
+                if hit.hit != 0u && (hit.t < best.t || triangle.primitive < best.primitive) {
+                    best = BvhHit(hit.t, hit.u, hit.v, triangle.primitive);
+                    if any_hit {
+                        return best;
+                    }
+                }
+            }
+            steps += size;
+        } else if first > index {
+            let left = bvh_read_node(first);
+            let right = bvh_read_node(first + 1u);
+            let left_near = bvh_enter(left, shear, ray.t_min, best.t);
+            let right_near = bvh_enter(right, shear, ray.t_min, best.t);
+            let both = left_near >= 0.0 && right_near >= 0.0;
+            let go_right = select(right_near >= 0.0, right_near < left_near, both);
+            down = left_near >= 0.0 || right_near >= 0.0;
+            if both && depth < BVH_STACK {
+                stack_node[depth] = select(first + 1u, first, go_right);
+                stack_near[depth] = select(right_near, left_near, go_right);
+                depth += 1u;
+            }
+            if down {
+                index = select(first, first + 1u, go_right);
+                first = select(left.first, right.first, go_right);
+                count = select(left.count, right.count, go_right);
+            }
+        }
+        if !down {
+            var found = false;
+            while depth > 0u && !found {
+                depth -= 1u;
+                found = stack_near[depth] <= best.t;
+            }
+            if !found {
+                return best;
+            }
+            index = stack_node[depth];
+            let next = bvh_read_node(index);
+            first = next.first;
+            count = next.count;
+        }
+    }
+    return best;
+}
+
+// The closest triangle that a ray meets within its range, ends included. A
+// broken tree (indices outside, cycles, too deep) gives some answer, in
+// bounded time.
+fn bvh_closest(ray: Ray) -> BvhHit {
+    return bvh_walk(ray, false);
+}
+
+// 1 if the ray meets any triangle within its range, ends included, else 0. The
+// same answer as whether bvh_closest finds one.
+fn bvh_any(ray: Ray) -> u32 {
+    return select(0u, 1u, bvh_walk(ray, true).primitive != BVH_MISS);
+}

@@ -1,0 +1,159 @@
+//! Set-up and the two commands: `cargo xtask report` and `cargo xtask test`.
+
+mod embree;
+mod run;
+mod vulkan;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use run::{Environment, Failure, Tests};
+
+#[derive(Parser)]
+#[command(
+    name = "cargo xtask",
+    about = "Set-up, tests and the report of raytwin"
+)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Build in release and write the speed-against-error report.
+    #[command(disable_help_flag = true)]
+    Report {
+        /// Passed on; `cargo xtask report --help` lists them.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
+    /// Install or locate what the tests need, then run all of them.
+    Test {
+        /// Draw 16 times as many inputs and rays.
+        #[arg(long)]
+        full: bool,
+    },
+    /// Only install or locate what the tests and the report need.
+    Setup,
+    /// Write the contracts' tables into the pages under docs/.
+    Docs,
+}
+
+fn main() -> ExitCode {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .map_or_else(|| PathBuf::from("."), Path::to_path_buf);
+    let result = match Cli::parse().task {
+        Task::Report { arguments } => report(&root, &arguments),
+        Task::Test { full } => test(&root, full),
+        Task::Setup => setup(&root).map(drop),
+        Task::Docs => docs(&root),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Finds a Vulkan driver and Embree, or installs them, saying so first.
+fn setup(root: &Path) -> Result<Environment, Failure> {
+    let vulkan = vulkan::ensure(root).map_err(|e| Failure::Setup(e.to_string()))?;
+    let embree = embree::ensure(root).map_err(|e| Failure::Setup(e.to_string()))?;
+    println!("Embree: {embree}");
+    Ok(Environment::new(root, vulkan))
+}
+
+fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
+    // Help and mistakes in the arguments need no driver.
+    let needs_system = !arguments.iter().any(|a| a == "--help" || a == "-h");
+    let environment = if needs_system {
+        setup(root)?
+    } else {
+        Environment::bare(root)
+    };
+    let mut command = vec![
+        "run",
+        "--release",
+        "--quiet",
+        "--package",
+        "raytwin-bench",
+        "--bin",
+        "report",
+        "--",
+    ];
+    command.extend(arguments.iter().map(String::as_str));
+    println!("building the report in release mode (a few minutes the first time)");
+    environment.cargo("report", &command, &[])
+}
+
+fn test(root: &Path, full: bool) -> Result<(), Failure> {
+    let environment = setup(root)?;
+    environment.cargo("format", &["fmt", "--all", "--check"], &[])?;
+    environment.cargo(
+        "lint",
+        &[
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--",
+            "--deny",
+            "warnings",
+        ],
+        &[],
+    )?;
+    environment.cargo(
+        "documentation",
+        &["doc", "--workspace", "--no-deps", "--quiet"],
+        &[("RUSTDOCFLAGS", "--deny warnings")],
+    )?;
+    // What users build: without features, and each feature alone.
+    for features in ["", "build", "gpu", "contract"] {
+        environment.cargo(
+            "features",
+            &[
+                "check",
+                "--quiet",
+                "--package",
+                "raytwin",
+                "--features",
+                features,
+            ],
+            &[],
+        )?;
+    }
+    let mut tests = Tests::default();
+    let full = if full {
+        Some(("RAYTWIN_FULL", "1"))
+    } else {
+        None
+    };
+    environment.cargo_test(
+        &["test", "--workspace", "--no-fail-fast"],
+        full.as_slice(),
+        &mut tests,
+    )?;
+    tests.finish()
+}
+
+fn docs(root: &Path) -> Result<(), Failure> {
+    let environment = Environment::bare(root);
+    environment.cargo(
+        "docs",
+        &[
+            "run",
+            "--quiet",
+            "--package",
+            "raytwin-tests",
+            "--example",
+            "docs",
+        ],
+        &[],
+    )?;
+    Ok(())
+}
