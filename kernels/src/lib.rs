@@ -29,6 +29,8 @@ pub use raytwin_wgsl as wgsl;
 #[cfg(feature = "contract")]
 pub mod contract;
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod math;
 pub mod random;
 pub mod ray;

@@ -25,6 +25,13 @@ registry! {
     math / vector;
     random / halton;
     random / pcg;
+    ray / aabb;
+    ray / bvh;
+    ray / camera;
+    ray / plane;
+    ray / ray;
+    ray / sphere;
+    ray / triangle;
     sample / basis;
     sample / cone;
     sample / disk;

@@ -7,6 +7,7 @@
 //!   rays; [`embree`] the peer.
 //! - [`scene`] loads meshes.
 
+pub mod crosscheck;
 pub mod derive;
 pub mod docs;
 pub mod embree;

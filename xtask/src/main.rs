@@ -70,12 +70,22 @@ fn setup(root: &Path) -> Result<Environment, Failure> {
 }
 
 fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
-    // Help and mistakes in the arguments need no driver.
-    let needs_system = !arguments.iter().any(|a| a == "--help" || a == "-h");
-    let environment = if needs_system {
-        setup(root)?
-    } else {
+    let given = |name: &str| arguments.iter().any(|a| a == name);
+    // Help needs no driver, and the CPU's half of the report neither.
+    let environment = if given("--help") || given("-h") {
         Environment::bare(root)
+    } else {
+        // Without its peer the report is poorer but not worthless: it says
+        // so in every place where Embree's numbers would be.
+        match embree::ensure(root) {
+            Ok(found) => println!("Embree: {found}"),
+            Err(error) => eprintln!("warning: the report will lack Embree: {error}"),
+        }
+        match vulkan::ensure(root) {
+            Ok(vulkan) => Environment::new(root, vulkan),
+            Err(_) if given("--cpu") => Environment::bare(root),
+            Err(error) => return Err(Failure::Setup(error.to_string())),
+        }
     };
     let mut command = vec![
         "run",

@@ -205,11 +205,7 @@ pub fn bvh_triangle_box(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, Vec3) {
     )
 }
 
-fn corners(
-    positions: &[Vec3],
-    triangle: usize,
-    indices: [u32; 3],
-) -> Result<[Vec3; 3], BvhError> {
+fn corners(positions: &[Vec3], triangle: usize, indices: [u32; 3]) -> Result<[Vec3; 3], BvhError> {
     let mut out = [Vec3::ZERO; 3];
     for (slot, index) in out.iter_mut().zip(indices) {
         let Some(&p) = positions.get(index as usize) else {
@@ -403,10 +399,7 @@ impl Bvh {
                 c,
                 primitive: i as u32,
             });
-            boxes.push(Aabb::new(
-                a.min(b).min(c).into(),
-                a.max(b).max(c).into(),
-            ));
+            boxes.push(Aabb::new(a.min(b).min(c).into(), a.max(b).max(c).into()));
         }
         if triangles.is_empty() {
             return Ok(Self::default());
@@ -626,7 +619,10 @@ mod tests {
         let hit = bvh_closest(&bvh.view(), down(0.0, 0.0));
         assert_eq!(hit.primitive, BVH_MISS);
         assert_eq!(bvh_any(&bvh.view(), down(0.0, 0.0)), 0);
-        assert_eq!((bvh.node_words().len(), bvh.triangle_words().len()), (8, 12));
+        assert_eq!(
+            (bvh.node_words().len(), bvh.triangle_words().len()),
+            (8, 12)
+        );
     }
 
     #[test]
@@ -659,7 +655,14 @@ mod tests {
             p[8].y = bad;
             let e = Bvh::build(&p, &t, BuildQuality::Fast).unwrap_err();
             assert!(
-                matches!(e, BvhError::NotFinite { triangle: 7, index: 8, .. }),
+                matches!(
+                    e,
+                    BvhError::NotFinite {
+                        triangle: 7,
+                        index: 8,
+                        ..
+                    }
+                ),
                 "{e}"
             );
         }

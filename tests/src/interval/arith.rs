@@ -18,12 +18,19 @@ pub(super) struct Iv {
 }
 
 impl Iv {
-    pub const ANY: Self = Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY };
+    pub const ANY: Self = Self {
+        lo: f32::NEG_INFINITY,
+        hi: f32::INFINITY,
+    };
     pub const ZERO: Self = Self::point(0.0);
     pub const ONE: Self = Self::point(1.0);
 
     pub const fn point(x: f32) -> Self {
-        if x.is_finite() { Self { lo: x, hi: x } } else { Self::ANY }
+        if x.is_finite() {
+            Self { lo: x, hi: x }
+        } else {
+            Self::ANY
+        }
     }
     pub const fn is_any(self) -> bool {
         !(self.lo.is_finite() && self.hi.is_finite())
@@ -32,7 +39,10 @@ impl Iv {
         self.lo == self.hi
     }
     pub fn hull(self, other: Self) -> Self {
-        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+        Self {
+            lo: self.lo.min(other.lo),
+            hi: self.hi.max(other.hi),
+        }
     }
     /// Largest magnitude.
     fn mag(self) -> f32 {
@@ -80,7 +90,11 @@ fn down(s: f64, e: f64) -> f32 {
     if z > s || (z == s && e < 0.0) {
         // Above the largest number the next one down is finite, but the result
         // overflows.
-        if s > f64::from(f32::MAX) { f32::INFINITY } else { y.next_down() }
+        if s > f64::from(f32::MAX) {
+            f32::INFINITY
+        } else {
+            y.next_down()
+        }
     } else if s > f64::from(f32::MAX) {
         f32::INFINITY
     } else {
@@ -128,7 +142,13 @@ fn least(lo: f64, hi: f64, n: f64) -> f64 {
 
 /// All `f32` within `n` ULP of the reals `lo..=hi` (ends good to `SLACK`).
 fn within_ulp(t: Table, lo: f64, hi: f64, n: f64) -> Iv {
-    grid(t, least(lo, hi, n), -least(-hi, -lo, n), SLACK * lo.abs(), SLACK * hi.abs())
+    grid(
+        t,
+        least(lo, hi, n),
+        -least(-hi, -lo, n),
+        SLACK * lo.abs(),
+        SLACK * hi.abs(),
+    )
 }
 
 /// All `f32` within an absolute error of the reals `lo..=hi`.
@@ -138,7 +158,10 @@ fn within(t: Table, lo: f64, hi: f64, err: f64) -> Iv {
 
 /// The permitted results are `f32` values, so the ends move inwards to the grid.
 fn grid(t: Table, lo: f64, hi: f64, slack_lo: f64, slack_hi: f64) -> Iv {
-    let (lo, hi) = (lo - slack_lo - SLACK * lo.abs(), hi + slack_hi + SLACK * hi.abs());
+    let (lo, hi) = (
+        lo - slack_lo - SLACK * lo.abs(),
+        hi + slack_hi + SLACK * hi.abs(),
+    );
     let max = f64::from(f32::MAX);
     if !(lo >= -max && hi <= max) {
         return Iv::ANY;
@@ -165,18 +188,32 @@ pub(super) fn neg(t: Table, a: Iv) -> Iv {
         return a;
     }
     let (lo, hi) = (-a.hi, -a.lo);
-    if t == Table::Ieee || (lo != 0.0 && hi != 0.0) { flush(t, Iv { lo, hi }) } else { out(t, lo, hi) }
+    if t == Table::Ieee || (lo != 0.0 && hi != 0.0) {
+        flush(t, Iv { lo, hi })
+    } else {
+        out(t, lo, hi)
+    }
 }
 
 pub(super) fn sub(t: Table, a: Iv, b: Iv) -> Iv {
     if b.is_any() {
         return b;
     }
-    add(t, a, Iv { lo: -b.hi, hi: -b.lo })
+    add(
+        t,
+        a,
+        Iv {
+            lo: -b.hi,
+            hi: -b.lo,
+        },
+    )
 }
 
 fn extremes(v: [f64; 4]) -> (f64, f64) {
-    (v[0].min(v[1]).min(v[2].min(v[3])), v[0].max(v[1]).max(v[2].max(v[3])))
+    (
+        v[0].min(v[1]).min(v[2].min(v[3])),
+        v[0].max(v[1]).max(v[2].max(v[3])),
+    )
 }
 
 /// Product; `same` says that both factors are one value, whose square has no
@@ -190,7 +227,12 @@ pub(super) fn mul(t: Table, a: Iv, b: Iv, same: bool) -> Iv {
         return out(t, p, p);
     }
     let (a, b) = (flush(t, a), flush(t, b));
-    let (al, ah, bl, bh) = (f64::from(a.lo), f64::from(a.hi), f64::from(b.lo), f64::from(b.hi));
+    let (al, ah, bl, bh) = (
+        f64::from(a.lo),
+        f64::from(a.hi),
+        f64::from(b.lo),
+        f64::from(b.hi),
+    );
     let (mut lo, hi) = extremes([al * bl, al * bh, ah * bl, ah * bh]);
     if same && lo < 0.0 {
         lo = 0.0;
@@ -220,17 +262,22 @@ pub(super) fn div(t: Table, a: Iv, b: Iv) -> Iv {
     if b.mag() > f32::from_bits(0x7e80_0000) {
         return Iv::ANY; // beyond 2^126
     }
-    let (al, ah, bl, bh) = (f64::from(a.lo), f64::from(a.hi), f64::from(b.lo), f64::from(b.hi));
+    let (al, ah, bl, bh) = (
+        f64::from(a.lo),
+        f64::from(a.hi),
+        f64::from(b.lo),
+        f64::from(b.hi),
+    );
     let (lo, hi) = extremes([al / bl, al / bh, ah / bl, ah / bh]);
     let mut r = within_ulp(t, lo, hi, 2.5);
     if !r.is_any() {
+        // The sign of the exact quotient; 0 / y is 0.
         if lo >= 0.0 {
             r.lo = r.lo.max(0.0);
         }
         if hi <= 0.0 {
             r.hi = r.hi.min(0.0);
         }
-        // 0 / y, and nothing else, is exact.
         r = out(t, r.lo, r.hi);
     }
     r
@@ -268,15 +315,27 @@ pub(super) fn abs(t: Table, a: Iv) -> Iv {
         return a;
     }
     let r = if a.lo > 0.0 || (a.lo == 0.0 && a.hi > 0.0) {
-        Iv { lo: a.lo.abs(), hi: a.hi }
+        Iv {
+            lo: a.lo.abs(),
+            hi: a.hi,
+        }
     } else if a.hi <= 0.0 {
-        Iv { lo: -a.hi, hi: -a.lo }
+        Iv {
+            lo: -a.hi,
+            hi: -a.lo,
+        }
     } else {
-        Iv { lo: 0.0, hi: a.mag() }
+        Iv {
+            lo: 0.0,
+            hi: a.mag(),
+        }
     };
     let r = flush(t, r);
     // abs(-0) has no sign left.
-    Iv { lo: r.lo.abs(), hi: r.hi.abs() }
+    Iv {
+        lo: r.lo.abs(),
+        hi: r.hi.abs(),
+    }
 }
 
 pub(super) fn min(t: Table, a: Iv, b: Iv) -> Iv {
@@ -284,7 +343,15 @@ pub(super) fn min(t: Table, a: Iv, b: Iv) -> Iv {
         return Iv::ANY;
     }
     let (a, b) = (flush(t, a), flush(t, b));
-    subnormal_choice(t, a, b, Iv { lo: a.lo.min(b.lo), hi: a.hi.min(b.hi) })
+    subnormal_choice(
+        t,
+        a,
+        b,
+        Iv {
+            lo: a.lo.min(b.lo),
+            hi: a.hi.min(b.hi),
+        },
+    )
 }
 
 pub(super) fn max(t: Table, a: Iv, b: Iv) -> Iv {
@@ -292,7 +359,15 @@ pub(super) fn max(t: Table, a: Iv, b: Iv) -> Iv {
         return Iv::ANY;
     }
     let (a, b) = (flush(t, a), flush(t, b));
-    subnormal_choice(t, a, b, Iv { lo: a.lo.max(b.lo), hi: a.hi.max(b.hi) })
+    subnormal_choice(
+        t,
+        a,
+        b,
+        Iv {
+            lo: a.lo.max(b.lo),
+            hi: a.hi.max(b.hi),
+        },
+    )
 }
 
 /// Of two subnormal arguments `min` and `max` may return either one.
@@ -328,7 +403,11 @@ pub(super) fn fract(t: Table, a: Iv) -> Iv {
     }
     let a = flush(t, a);
     let k = a.lo.floor();
-    if k == a.hi.floor() { sub(t, a, Iv::point(k)) } else { Iv { lo: 0.0, hi: 1.0 } }
+    if k == a.hi.floor() {
+        sub(t, a, Iv::point(k))
+    } else {
+        Iv { lo: 0.0, hi: 1.0 }
+    }
 }
 
 pub(super) fn inverse_sqrt(t: Table, a: Iv) -> Iv {
@@ -342,7 +421,12 @@ pub(super) fn inverse_sqrt(t: Table, a: Iv) -> Iv {
     if a.lo <= 0.0 {
         return Iv::ANY;
     }
-    within_ulp(t, 1.0 / f64::from(a.hi).sqrt(), 1.0 / f64::from(a.lo).sqrt(), 2.0)
+    within_ulp(
+        t,
+        1.0 / f64::from(a.hi).sqrt(),
+        1.0 / f64::from(a.lo).sqrt(),
+        2.0,
+    )
 }
 
 pub(super) fn sqrt(t: Table, a: Iv) -> Iv {
@@ -350,7 +434,10 @@ pub(super) fn sqrt(t: Table, a: Iv) -> Iv {
         return Iv::ANY;
     }
     if t == Table::Ieee {
-        return Iv { lo: a.lo.sqrt(), hi: a.hi.sqrt() };
+        return Iv {
+            lo: a.lo.sqrt(),
+            hi: a.hi.sqrt(),
+        };
     }
     let a = flush(t, a);
     if a.hi == 0.0 {
@@ -359,7 +446,11 @@ pub(super) fn sqrt(t: Table, a: Iv) -> Iv {
     if a.lo == 0.0 {
         // 1 / inverseSqrt over the positive part, joined with sqrt(0) = 0.
         let r = least(1.0 / f64::from(a.hi).sqrt(), f64::INFINITY, 2.0);
-        return out(t, 0.0, div(t, Iv::ONE, grid(t, r, r, 0.0, 2.0 * ulp(r, true))).hi);
+        return out(
+            t,
+            0.0,
+            div(t, Iv::ONE, grid(t, r, r, 0.0, 2.0 * ulp(r, true))).hi,
+        );
     }
     div(t, Iv::ONE, inverse_sqrt(t, a))
 }
@@ -418,7 +509,8 @@ pub(super) fn log2(t: Table, a: Iv) -> Iv {
 }
 
 pub(super) fn pow(t: Table, a: Iv, b: Iv) -> Iv {
-    if t == Table::Ieee && a.is_point() && b.is_point() && !a.is_any() && !b.is_any() && a.lo > 0.0 {
+    if t == Table::Ieee && a.is_point() && b.is_point() && !a.is_any() && !b.is_any() && a.lo > 0.0
+    {
         let y = f64::from(a.lo).powf(f64::from(b.lo));
         return within_ulp(t, y, y, 1.0);
     }
@@ -429,7 +521,11 @@ pub(super) fn pow(t: Table, a: Iv, b: Iv) -> Iv {
 fn sine_range(lo: f64, hi: f64, f: fn(f64) -> f64, top: f64, bottom: &[f64]) -> (f64, f64) {
     let (a, b) = (f(lo), f(hi));
     let holds = |x: f64| lo <= x && x <= hi;
-    let low = if bottom.iter().any(|&x| holds(x)) { -1.0 } else { a.min(b) };
+    let low = if bottom.iter().any(|&x| holds(x)) {
+        -1.0
+    } else {
+        a.min(b)
+    };
     (low, if holds(top) { 1.0 } else { a.max(b) })
 }
 
@@ -445,7 +541,11 @@ fn trig(t: Table, a: Iv, f: fn(f64) -> f64, top: f64, bottom: &[f64]) -> Iv {
     }
     // The double nearest to pi is below it, and no f32 lies between.
     if lo < -PI || hi > PI {
-        return if t == Table::Ieee { Iv { lo: -1.0, hi: 1.0 } } else { Iv::ANY };
+        return if t == Table::Ieee {
+            Iv { lo: -1.0, hi: 1.0 }
+        } else {
+            Iv::ANY
+        };
     }
     let (l, h) = sine_range(lo, hi, f, top, bottom);
     match t {
@@ -508,24 +608,38 @@ fn one_minus_square_root(t: Table, a: Iv) -> Iv {
 }
 pub(super) fn asin(t: Table, a: Iv) -> Iv {
     let (lo, hi) = (f64::from(a.lo).asin(), f64::from(a.hi).asin());
-    arc(t, a, lo, hi, 6.81e-5, || atan2(t, a, one_minus_square_root(t, a)))
+    arc(t, a, lo, hi, 6.81e-5, || {
+        atan2(t, a, one_minus_square_root(t, a))
+    })
 }
 pub(super) fn acos(t: Table, a: Iv) -> Iv {
     let (lo, hi) = (f64::from(a.hi).acos(), f64::from(a.lo).acos());
-    arc(t, a, lo, hi, 6.77e-5, || atan2(t, one_minus_square_root(t, a), a))
+    arc(t, a, lo, hi, 6.77e-5, || {
+        atan2(t, one_minus_square_root(t, a), a)
+    })
 }
 
 pub(super) fn sinh(t: Table, a: Iv) -> Iv {
     if t == Table::Ieee {
         return monotone(t, a, f64::sinh, |_| 1.0);
     }
-    mul(t, sub(t, exp(t, a), exp(t, neg(t, a))), Iv::point(0.5), false)
+    mul(
+        t,
+        sub(t, exp(t, a), exp(t, neg(t, a))),
+        Iv::point(0.5),
+        false,
+    )
 }
 pub(super) fn cosh(t: Table, a: Iv) -> Iv {
     if t == Table::Ieee {
         return monotone(t, abs(t, a), f64::cosh, |_| 1.0);
     }
-    mul(t, add(t, exp(t, a), exp(t, neg(t, a))), Iv::point(0.5), false)
+    mul(
+        t,
+        add(t, exp(t, a), exp(t, neg(t, a))),
+        Iv::point(0.5),
+        false,
+    )
 }
 pub(super) fn tanh(t: Table, a: Iv) -> Iv {
     if a.is_any() {
@@ -535,8 +649,11 @@ pub(super) fn tanh(t: Table, a: Iv) -> Iv {
         return monotone(t, a, f64::tanh, |_| 1.0);
     }
     let f = flush(t, a);
-    within(t, f64::from(f.lo).tanh(), f64::from(f.hi).tanh(), 1e-5)
-        .hull(div(t, sinh(t, a), cosh(t, a)))
+    within(t, f64::from(f.lo).tanh(), f64::from(f.hi).tanh(), 1e-5).hull(div(
+        t,
+        sinh(t, a),
+        cosh(t, a),
+    ))
 }
 pub(super) fn asinh(t: Table, a: Iv) -> Iv {
     if t == Table::Ieee {
@@ -546,13 +663,21 @@ pub(super) fn asinh(t: Table, a: Iv) -> Iv {
 }
 pub(super) fn acosh(t: Table, a: Iv) -> Iv {
     if t == Table::Ieee {
-        return if a.lo < 1.0 { Iv::ANY } else { monotone(t, a, f64::acosh, |_| 1.0) };
+        return if a.lo < 1.0 {
+            Iv::ANY
+        } else {
+            monotone(t, a, f64::acosh, |_| 1.0)
+        };
     }
     log(t, add(t, a, sqrt(t, sub(t, mul(t, a, a, true), Iv::ONE))))
 }
 pub(super) fn atanh(t: Table, a: Iv) -> Iv {
     if t == Table::Ieee {
-        return if a.lo <= -1.0 || a.hi >= 1.0 { Iv::ANY } else { monotone(t, a, f64::atanh, |_| 1.0) };
+        return if a.lo <= -1.0 || a.hi >= 1.0 {
+            Iv::ANY
+        } else {
+            monotone(t, a, f64::atanh, |_| 1.0)
+        };
     }
     let q = div(t, add(t, Iv::ONE, a), sub(t, Iv::ONE, a));
     mul(t, log(t, q), Iv::point(0.5), false)
@@ -617,7 +742,9 @@ pub(super) fn dot(t: Table, a: &[Iv], b: &[Iv], same: &[bool]) -> Iv {
         terms[i] = mul(t, a[i], b[i], same[i]);
     }
     if t == Table::Ieee {
-        return terms[1..a.len()].iter().fold(terms[0], |s, &x| add(t, s, x));
+        return terms[1..a.len()]
+            .iter()
+            .fold(terms[0], |s, &x| add(t, s, x));
     }
     sum(t, &terms[..a.len()], (1 << a.len()) - 1)
 }
@@ -625,8 +752,14 @@ pub(super) fn dot(t: Table, a: &[Iv], b: &[Iv], same: &[bool]) -> Iv {
 /// An integer as `f32`: exact below 2^24, else one of the two neighbours.
 pub(super) fn from_int(t: Table, lo: i64, hi: i64) -> Iv {
     match t {
-        Table::Ieee => Iv { lo: lo as f32, hi: hi as f32 },
-        Table::Wgsl => Iv { lo: down(lo as f64, 0.0), hi: up(hi as f64, 0.0) },
+        Table::Ieee => Iv {
+            lo: lo as f32,
+            hi: hi as f32,
+        },
+        Table::Wgsl => Iv {
+            lo: down(lo as f64, 0.0),
+            hi: up(hi as f64, 0.0),
+        },
     }
 }
 

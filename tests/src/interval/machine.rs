@@ -127,13 +127,22 @@ impl Program {
         .validate(&module)
         .map_err(|e| IntervalError::Parse(e.emit_to_string(wgsl)))?;
         let constants = Constants { module: &module };
-        let functions = module.functions.iter().map(|(_, f)| constants.function(f)).collect();
+        let functions = module
+            .functions
+            .iter()
+            .map(|(_, f)| constants.function(f))
+            .collect();
         let names = module
             .functions
             .iter()
             .filter_map(|(handle, f)| Some((f.name.clone()?, handle)))
             .collect();
-        Ok(Self { module, functions, names, limits: Limits::default() })
+        Ok(Self {
+            module,
+            functions,
+            names,
+            limits: Limits::default(),
+        })
     }
 
     /// Number of argument words `function` takes, none if there is no such function
@@ -141,7 +150,11 @@ impl Program {
     #[must_use]
     pub fn argument_words(&self, function: &str) -> Option<usize> {
         let function = &self.module.functions[*self.names.get(function)?];
-        function.arguments.iter().map(|a| words_of(&self.module, a.ty)).sum()
+        function
+            .arguments
+            .iter()
+            .map(|a| words_of(&self.module, a.ty))
+            .sum()
     }
 }
 
@@ -150,9 +163,11 @@ fn words_of(module: &Module, ty: Handle<Type>) -> Option<usize> {
     match &module.types[ty].inner {
         TypeInner::Scalar(_) => Some(1),
         TypeInner::Vector { size, .. } => Some(*size as usize),
-        TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. } => {
-            Some(words_of(module, *base)? * n.get() as usize)
-        }
+        TypeInner::Array {
+            base,
+            size: naga::ArraySize::Constant(n),
+            ..
+        } => Some(words_of(module, *base)? * n.get() as usize),
         TypeInner::Struct { members, .. } => members.iter().map(|m| words_of(module, m.ty)).sum(),
         _ => None,
     }
@@ -186,11 +201,19 @@ impl Constants<'_> {
                     None => self.zero(local.ty),
                 };
                 value.ok_or_else(|| {
-                    format!("a local variable `{}` of an unusual type", local.name.as_deref().unwrap_or(""))
+                    format!(
+                        "a local variable `{}` of an unusual type",
+                        local.name.as_deref().unwrap_or("")
+                    )
                 })
             })
             .collect();
-        FunctionInfo { statics, arguments, locals, initial }
+        FunctionInfo {
+            statics,
+            arguments,
+            locals,
+            initial,
+        }
     }
 
     fn expression(
@@ -203,7 +226,10 @@ impl Constants<'_> {
             Expression::ZeroValue(ty) => self.zero(*ty),
             Expression::Constant(c) => self.global(self.module.constants[*c].init),
             Expression::Compose { ty, components } => {
-                let parts = components.iter().map(|&h| known(h)).collect::<Option<Vec<_>>>()?;
+                let parts = components
+                    .iter()
+                    .map(|&h| known(h))
+                    .collect::<Option<Vec<_>>>()?;
                 compose(&self.module.types[*ty].inner, parts)
             }
             Expression::Splat { size, value } => match known(*value)? {
@@ -233,12 +259,19 @@ impl Constants<'_> {
                 }
                 Some(Value::V(*size as u8, v))
             }
-            TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. } => {
-                (0..n.get()).map(|_| self.build(*base, word)).collect::<Option<_>>().map(Value::C)
-            }
-            TypeInner::Struct { members, .. } => {
-                members.iter().map(|m| self.build(m.ty, word)).collect::<Option<_>>().map(Value::C)
-            }
+            TypeInner::Array {
+                base,
+                size: naga::ArraySize::Constant(n),
+                ..
+            } => (0..n.get())
+                .map(|_| self.build(*base, word))
+                .collect::<Option<_>>()
+                .map(Value::C),
+            TypeInner::Struct { members, .. } => members
+                .iter()
+                .map(|m| self.build(m.ty, word))
+                .collect::<Option<_>>()
+                .map(Value::C),
             _ => None,
         }
     }
@@ -316,7 +349,9 @@ impl<'p> Machine<'p> {
                 found: args.len(),
             });
         }
-        let constants = Constants { module: &program.module };
+        let constants = Constants {
+            module: &program.module,
+        };
         let mut words = args.iter().copied();
         let mut arguments = Vec::with_capacity(function.arguments.len());
         for argument in &function.arguments {
@@ -370,9 +405,11 @@ impl<'p> Machine<'p> {
                     let function = self.failing.take().unwrap_or_else(|| name.into());
                     return Err(match stop {
                         Stop::Unsupported(what) => IntervalError::Unsupported { function, what },
-                        Stop::Bounds { index, length } => {
-                            IntervalError::IndexOutOfBounds { function, index, length }
-                        }
+                        Stop::Bounds { index, length } => IntervalError::IndexOutOfBounds {
+                            function,
+                            index,
+                            length,
+                        },
                         Stop::Decisions => too_ambiguous(),
                         Stop::Steps => IntervalError::TooManySteps {
                             function: name.into(),
@@ -419,7 +456,10 @@ impl<'p> Machine<'p> {
                     result.push(match *s {
                         Sc::F(..) => {
                             let iv = self.float(s);
-                            Scalar::F32(Interval { lo: f64::from(iv.lo), hi: f64::from(iv.hi) })
+                            Scalar::F32(Interval {
+                                lo: f64::from(iv.lo),
+                                hi: f64::from(iv.hi),
+                            })
                         }
                         Sc::U(lo, hi) => Scalar::U32 { lo, hi },
                         Sc::I(lo, hi) => Scalar::I32 { lo, hi },
@@ -427,7 +467,10 @@ impl<'p> Machine<'p> {
                         Sc::Bits(_, _, signed) => match self.plain(*s) {
                             Sc::U(lo, hi) if !signed => Scalar::U32 { lo, hi },
                             Sc::I(lo, hi) => Scalar::I32 { lo, hi },
-                            _ => Scalar::U32 { lo: 0, hi: u32::MAX },
+                            _ => Scalar::U32 {
+                                lo: 0,
+                                hi: u32::MAX,
+                            },
                         },
                     });
                 }
@@ -528,7 +571,10 @@ impl<'p> Machine<'p> {
             && id != 0
         {
             let old = self.float(s);
-            let new = Iv { lo: old.lo.max(lo), hi: old.hi.min(hi) };
+            let new = Iv {
+                lo: old.lo.max(lo),
+                hi: old.hi.min(hi),
+            };
             if new.lo <= new.hi && new != old {
                 self.refined.push((id, new));
             }
@@ -549,7 +595,11 @@ impl<'p> Machine<'p> {
         } else {
             return Sc::U(0, u32::MAX);
         };
-        if signed { Sc::I(lo.cast_signed(), hi.cast_signed()) } else { Sc::U(lo, hi) }
+        if signed {
+            Sc::I(lo.cast_signed(), hi.cast_signed())
+        } else {
+            Sc::U(lo, hi)
+        }
     }
 
     /// Applies an exact step function; splits when few integers are covered.
@@ -567,7 +617,13 @@ impl<'p> Machine<'p> {
         let k = r.lo + self.decide(count as u32 + 1)? as f32;
         let (lo, hi) = range(k);
         self.narrow(s, lo, hi);
-        Ok(Sc::F(0, Iv { lo: if k == 0.0 { -0.0 } else { k }, hi: if k == 0.0 { 0.0 } else { k } }))
+        Ok(Sc::F(
+            0,
+            Iv {
+                lo: if k == 0.0 { -0.0 } else { k },
+                hi: if k == 0.0 { 0.0 } else { k },
+            },
+        ))
     }
 
     fn compare(&mut self, op: Bin, a: Sc, b: Sc) -> Run<Sc> {
@@ -608,11 +664,17 @@ impl<'p> Machine<'p> {
 
     fn compare_floats(&mut self, op: Bin, a: Sc, b: Sc, x: Iv, y: Iv, same: bool) -> Run<Sc> {
         if x.is_any() || y.is_any() {
-            let tri = if self.eager() { (self.decide(2)? == 1).into() } else { Tri::Either };
+            let tri = if self.eager() {
+                (self.decide(2)? == 1).into()
+            } else {
+                Tri::Either
+            };
             return Ok(Sc::B(tri));
         }
         if same {
-            return Ok(Sc::B(matches!(op, Bin::Equal | Bin::LessEqual | Bin::GreaterEqual).into()));
+            return Ok(Sc::B(
+                matches!(op, Bin::Equal | Bin::LessEqual | Bin::GreaterEqual).into(),
+            ));
         }
         let exact = arith::step_fn(self.table, x, |v| v);
         let other = arith::step_fn(self.table, y, |v| v);
@@ -680,12 +742,20 @@ impl<'p> Machine<'p> {
             }
         }
         for &(expression, local) in &info.locals {
-            values[expression] = Value::P(Place { slot: base + local, len: 0, path: [0; 6] });
+            values[expression] = Value::P(Place {
+                slot: base + local,
+                len: 0,
+                path: [0; 6],
+            });
         }
         for &(expression, argument) in &info.arguments {
             values[expression] = arguments[argument].clone();
         }
-        let mut frame = Frame { function, info, values };
+        let mut frame = Frame {
+            function,
+            info,
+            values,
+        };
         let flow = self.block(&mut frame, &function.body);
         if flow.is_err() && self.failing.is_none() {
             self.failing.clone_from(&function.name);
@@ -733,7 +803,11 @@ impl<'p> Machine<'p> {
                 Ok(Flow::Next)
             }
             Statement::Block(block) => self.block(frame, block),
-            Statement::If { condition, accept, reject } => {
+            Statement::If {
+                condition,
+                accept,
+                reject,
+            } => {
                 let condition = scalar(value(frame, *condition))?;
                 if self.truth(condition)? {
                     self.block(frame, accept)
@@ -762,7 +836,11 @@ impl<'p> Machine<'p> {
                 }
                 Ok(Flow::Next)
             }
-            Statement::Loop { body, continuing, break_if } => loop {
+            Statement::Loop {
+                body,
+                continuing,
+                break_if,
+            } => loop {
                 self.tick(1)?;
                 match self.block(frame, body)? {
                     Flow::Next | Flow::Continue => {}
@@ -782,7 +860,10 @@ impl<'p> Machine<'p> {
             Statement::Return { value: result } => {
                 Ok(Flow::Return(result.map(|h| value(frame, h).clone())))
             }
-            Statement::Store { pointer, value: stored } => {
+            Statement::Store {
+                pointer,
+                value: stored,
+            } => {
                 let stored = value(frame, *stored).clone();
                 let Value::P(place) = *value(frame, *pointer) else {
                     return unsupported("a store that is not to a local variable");
@@ -790,7 +871,11 @@ impl<'p> Machine<'p> {
                 self.store(place, stored)?;
                 Ok(Flow::Next)
             }
-            Statement::Call { function, arguments, result } => {
+            Statement::Call {
+                function,
+                arguments,
+                result,
+            } => {
                 let arguments = arguments.iter().map(|&h| value(frame, h).clone()).collect();
                 let returned = self.function(*function, arguments)?;
                 if let (Some(result), Some(returned)) = (result, returned) {
@@ -820,12 +905,18 @@ impl<'p> Machine<'p> {
             match at {
                 Value::C(parts) => {
                     let length = parts.len();
-                    let bounds = Stop::Bounds { index: i64::from(index), length };
+                    let bounds = Stop::Bounds {
+                        index: i64::from(index),
+                        length,
+                    };
                     at = parts.get_mut(index as usize).ok_or(bounds)?;
                 }
                 Value::V(n, v) => {
                     let length = *n as usize;
-                    let bounds = Stop::Bounds { index: i64::from(index), length };
+                    let bounds = Stop::Bounds {
+                        index: i64::from(index),
+                        length,
+                    };
                     *v[..length].get_mut(index as usize).ok_or(bounds)? = scalar(&stored)?;
                     return Ok(());
                 }
@@ -856,7 +947,10 @@ impl<'p> Machine<'p> {
                     debug_assert_eq!(n, *size as usize);
                     return Ok(Value::V(*size as u8, v));
                 }
-                let parts = components.iter().map(|&h| value(frame, h).clone()).collect();
+                let parts = components
+                    .iter()
+                    .map(|&h| value(frame, h).clone())
+                    .collect();
                 compose(inner, parts).map_or_else(|| unsupported("a matrix"), Ok)
             }
             Expression::Access { base, index } => {
@@ -869,7 +963,11 @@ impl<'p> Machine<'p> {
             Expression::Splat { size, value: v } => {
                 Ok(Value::V(*size as u8, [scalar(value(frame, *v))?; 4]))
             }
-            Expression::Swizzle { size, vector, pattern } => {
+            Expression::Swizzle {
+                size,
+                vector,
+                pattern,
+            } => {
                 let Value::V(_, v) = value(frame, *vector) else {
                     return unsupported("a swizzle of something other than a vector");
                 };
@@ -889,9 +987,15 @@ impl<'p> Machine<'p> {
             }
             Expression::Binary { op, left, right } => {
                 let op = *op;
-                self.map2(value(frame, *left), value(frame, *right), |m, a, b| m.binary(op, a, b))
+                self.map2(value(frame, *left), value(frame, *right), |m, a, b| {
+                    m.binary(op, a, b)
+                })
             }
-            Expression::Select { condition, accept, reject } => {
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => {
                 let (accept, reject) = (value(frame, *accept), value(frame, *reject));
                 match value(frame, *condition) {
                     Value::S(c) => self.select(*c, accept, reject),
@@ -926,23 +1030,41 @@ impl<'p> Machine<'p> {
                 }
                 Ok(Value::S(Sc::B(r)))
             }
-            Expression::Math { fun, arg, arg1, arg2, arg3 } => {
+            Expression::Math {
+                fun,
+                arg,
+                arg1,
+                arg2,
+                arg3,
+            } => {
                 let a = value(frame, *arg);
                 let others = [*arg1, *arg2, *arg3].map(|h| h.map(|h| value(frame, h)));
                 self.math(*fun, a, others)
             }
-            Expression::As { expr, kind, convert } => {
+            Expression::As {
+                expr,
+                kind,
+                convert,
+            } => {
                 let (kind, convert) = (*kind, *convert);
                 if convert.is_some_and(|width| width != 4 && kind != ScalarKind::Bool) {
                     return unsupported("a type that is not 32 bits wide");
                 }
                 self.map1(value(frame, *expr), |m, s| {
-                    if convert.is_some() { m.convert(kind, s) } else { m.bitcast(kind, s) }
+                    if convert.is_some() {
+                        m.convert(kind, s)
+                    } else {
+                        m.bitcast(kind, s)
+                    }
                 })
             }
             other => {
                 let what = format!("{other:?}");
-                let word = what.split([' ', '(', '{']).next().unwrap_or_default().to_owned();
+                let word = what
+                    .split([' ', '(', '{'])
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned();
                 unsupported(format!("an expression of kind `{word}`"))
             }
         }
@@ -1010,9 +1132,17 @@ impl<'p> Machine<'p> {
             for (i, (x, y)) in a.iter().zip(r).enumerate() {
                 v[i] = self.new_float(self.float(x).hull(self.float(y)));
             }
-            return Ok(if let Value::V(n, _) = accept { Value::V(*n, v) } else { Value::S(v[0]) });
+            return Ok(if let Value::V(n, _) = accept {
+                Value::V(*n, v)
+            } else {
+                Value::S(v[0])
+            });
         }
-        Ok(if self.truth(condition)? { accept.clone() } else { reject.clone() })
+        Ok(if self.truth(condition)? {
+            accept.clone()
+        } else {
+            reject.clone()
+        })
     }
 
     fn unary(&mut self, op: UnaryOperator, s: Sc) -> Run<Sc> {
@@ -1025,7 +1155,11 @@ impl<'p> Machine<'p> {
             _ => match (op, self.plain(s)) {
                 (UnaryOperator::Negate, Sc::I(lo, hi)) => {
                     if lo == i32::MIN {
-                        return Ok(if hi == lo { Sc::I(lo, lo) } else { Sc::I(i32::MIN, i32::MAX) });
+                        return Ok(if hi == lo {
+                            Sc::I(lo, lo)
+                        } else {
+                            Sc::I(i32::MIN, i32::MAX)
+                        });
                     }
                     Ok(Sc::I(-hi, -lo))
                 }
@@ -1038,7 +1172,11 @@ impl<'p> Machine<'p> {
 
     fn binary(&mut self, op: Bin, a: Sc, b: Sc) -> Run<Sc> {
         match op {
-            Bin::Equal | Bin::NotEqual | Bin::Less | Bin::LessEqual | Bin::Greater
+            Bin::Equal
+            | Bin::NotEqual
+            | Bin::Less
+            | Bin::LessEqual
+            | Bin::Greater
             | Bin::GreaterEqual => return self.compare(op, a, b),
             _ => {}
         }
@@ -1107,8 +1245,17 @@ impl<'p> Machine<'p> {
                     Bin::And => (0, ah.min(bh)),
                     Bin::InclusiveOr | Bin::ExclusiveOr => {
                         // No bit above the highest of either side.
-                        let top = (ah | bh).checked_ilog2().map_or(0, |n| u32::MAX >> (31 - n));
-                        (if op == Bin::InclusiveOr { al.max(bl) } else { 0 }, top)
+                        let top = (ah | bh)
+                            .checked_ilog2()
+                            .map_or(0, |n| u32::MAX >> (31 - n));
+                        (
+                            if op == Bin::InclusiveOr {
+                                al.max(bl)
+                            } else {
+                                0
+                            },
+                            top,
+                        )
                     }
                     Bin::ShiftRight => amount.map_or((0, ah), |n| (al >> n, ah >> n)),
                     Bin::ShiftLeft => amount
@@ -1181,7 +1328,9 @@ impl<'p> Machine<'p> {
             (Sc::I(m, n), Sc::Bits(..)) if m == n => (b, m.cast_unsigned()),
             _ => return Ok(None),
         };
-        let Sc::Bits(id, _, signed) = bits else { return Ok(None) };
+        let Sc::Bits(id, _, signed) = bits else {
+            return Ok(None);
+        };
         let iv = self.float(&bits);
         if iv.is_any() {
             return Ok(None);
@@ -1191,12 +1340,20 @@ impl<'p> Machine<'p> {
         let absolute = arith::abs(Table::Ieee, iv);
         Ok(match (op, mask) {
             (Bin::And, 0x7fff_ffff) => Some(self.new_bits(absolute, signed)),
-            (Bin::ExclusiveOr, SIGN) => {
-                Some(self.new_bits(Iv { lo: -iv.hi, hi: -iv.lo }, signed))
-            }
-            (Bin::InclusiveOr, SIGN) => {
-                Some(self.new_bits(Iv { lo: -absolute.hi, hi: -absolute.lo }, signed))
-            }
+            (Bin::ExclusiveOr, SIGN) => Some(self.new_bits(
+                Iv {
+                    lo: -iv.hi,
+                    hi: -iv.lo,
+                },
+                signed,
+            )),
+            (Bin::InclusiveOr, SIGN) => Some(self.new_bits(
+                Iv {
+                    lo: -absolute.hi,
+                    hi: -absolute.lo,
+                },
+                signed,
+            )),
             (Bin::And, SIGN) => {
                 let negative = if iv.lo > 0.0 {
                     false
@@ -1213,7 +1370,11 @@ impl<'p> Machine<'p> {
                     negative
                 };
                 let r = if negative { SIGN } else { 0 };
-                Some(if signed { Sc::I(r.cast_signed(), r.cast_signed()) } else { Sc::U(r, r) })
+                Some(if signed {
+                    Sc::I(r.cast_signed(), r.cast_signed())
+                } else {
+                    Sc::U(r, r)
+                })
             }
             _ => None,
         })
@@ -1267,9 +1428,16 @@ impl<'p> Machine<'p> {
             if any {
                 return Ok(Sc::U(0, u32::MAX));
             }
-            let Sc::F(_, k) = self.step(&s, |x| x.trunc().max(0.0), |k| {
-                (if k == 0.0 { f32::NEG_INFINITY } else { k }, (k + 1.0).next_down())
-            })?
+            let Sc::F(_, k) = self.step(
+                &s,
+                |x| x.trunc().max(0.0),
+                |k| {
+                    (
+                        if k == 0.0 { f32::NEG_INFINITY } else { k },
+                        (k + 1.0).next_down(),
+                    )
+                },
+            )?
             else {
                 return unsupported("a conversion");
             };
@@ -1304,7 +1472,11 @@ impl<'p> Machine<'p> {
                     // A zero of either sign.
                     self.decide(2)? << 31
                 } else if iv.is_any() {
-                    return Ok(if signed { Sc::I(i32::MIN, i32::MAX) } else { Sc::U(0, u32::MAX) });
+                    return Ok(if signed {
+                        Sc::I(i32::MIN, i32::MAX)
+                    } else {
+                        Sc::U(0, u32::MAX)
+                    });
                 } else {
                     return Ok(Sc::Bits(id, iv, signed));
                 };
@@ -1355,16 +1527,27 @@ impl<'p> Machine<'p> {
     fn math(&mut self, fun: Mf, a: &Value, others: [Option<&Value>; 3]) -> Run<Value> {
         let t = self.table;
         match fun {
-            Mf::Dot | Mf::Cross | Mf::Length | Mf::Distance | Mf::Normalize | Mf::Reflect
-            | Mf::Refract | Mf::FaceForward => return self.geometry(fun, a, others),
-            Mf::Pack2x16float | Mf::Pack2x16unorm | Mf::Pack2x16snorm | Mf::Pack4x8unorm
+            Mf::Dot
+            | Mf::Cross
+            | Mf::Length
+            | Mf::Distance
+            | Mf::Normalize
+            | Mf::Reflect
+            | Mf::Refract
+            | Mf::FaceForward => return self.geometry(fun, a, others),
+            Mf::Pack2x16float
+            | Mf::Pack2x16unorm
+            | Mf::Pack2x16snorm
+            | Mf::Pack4x8unorm
             | Mf::Pack4x8snorm => return self.pack(fun, a),
-            Mf::Unpack2x16float | Mf::Unpack2x16unorm | Mf::Unpack2x16snorm
-            | Mf::Unpack4x8unorm | Mf::Unpack4x8snorm => return self.unpack(fun, a),
+            Mf::Unpack2x16float
+            | Mf::Unpack2x16unorm
+            | Mf::Unpack2x16snorm
+            | Mf::Unpack4x8unorm
+            | Mf::Unpack4x8snorm => return self.unpack(fun, a),
             Mf::Modf => {
                 let whole = self.map1(a, |m, s| m.math1(Mf::Trunc, s))?;
-                let fraction =
-                    self.map2(a, &whole, |m, x, y| m.binary(Bin::Subtract, x, y))?;
+                let fraction = self.map2(a, &whole, |m, x, y| m.binary(Bin::Subtract, x, y))?;
                 return Ok(Value::C(vec![fraction, whole]));
             }
             Mf::Mix => {
@@ -1386,13 +1569,20 @@ impl<'p> Machine<'p> {
             [None, ..] => self.map1(a, |m, s| m.math1(fun, s)),
             [Some(b), None, _] => self.map2(a, b, |m, x, y| m.math2(fun, x, y)),
             [Some(b), Some(c), None] => {
-                let n = [a, b, c].iter().map(|v| v.scalars().map_or(0, <[Sc]>::len)).max();
+                let n = [a, b, c]
+                    .iter()
+                    .map(|v| v.scalars().map_or(0, <[Sc]>::len))
+                    .max();
                 let n = n.unwrap_or(1);
                 let mut r = [Sc::B(Tri::False); 4];
                 for (i, out) in r.iter_mut().enumerate().take(n) {
                     *out = self.math3(fun, lane(a, i)?, lane(b, i)?, lane(c, i)?)?;
                 }
-                Ok(if matches!(a, Value::V(..)) { Value::V(n as u8, r) } else { Value::S(r[0]) })
+                Ok(if matches!(a, Value::V(..)) {
+                    Value::V(n as u8, r)
+                } else {
+                    Value::S(r[0])
+                })
             }
             [Some(b), Some(c), Some(d)] => {
                 let (Value::S(offset), Value::S(count)) = (c, d) else {
@@ -1445,24 +1635,29 @@ impl<'p> Machine<'p> {
             Mf::Asinh => arith::asinh(t, iv),
             Mf::Acosh => arith::acosh(t, iv),
             Mf::Atanh => arith::atanh(t, iv),
-            Mf::Degrees => {
-                arith::mul(t, iv, Iv::point(57.295_779_513_082_32_f64 as f32), false)
-            }
-            Mf::Radians => {
-                arith::mul(t, iv, Iv::point(0.017_453_292_519_943_295_f64 as f32), false)
-            }
+            Mf::Degrees => arith::mul(t, iv, Iv::point(57.295_779_513_082_32_f64 as f32), false),
+            Mf::Radians => arith::mul(
+                t,
+                iv,
+                Iv::point(0.017_453_292_519_943_295_f64 as f32),
+                false,
+            ),
             Mf::QuantizeToF16 => {
                 if iv.is_any() {
                     return Ok(s);
                 }
-                let (Some(lo), Some(hi)) = (arith::f16_neighbours(iv.lo), arith::f16_neighbours(iv.hi))
+                let (Some(lo), Some(hi)) =
+                    (arith::f16_neighbours(iv.lo), arith::f16_neighbours(iv.hi))
                 else {
                     return Ok(Sc::F(0, Iv::ANY));
                 };
                 if t == Table::Ieee {
                     let nearest = |x: f32, (a, b): (u16, u16)| nearest_f16(x, a, b);
                     let (lo, hi) = (nearest(iv.lo, lo), nearest(iv.hi, hi));
-                    return Ok(self.new_float(Iv { lo: f16(lo), hi: f16(hi) }));
+                    return Ok(self.new_float(Iv {
+                        lo: f16(lo),
+                        hi: f16(hi),
+                    }));
                 }
                 let mut r = Iv {
                     lo: f16(lo.0).min(f16(lo.1)),
@@ -1496,11 +1691,19 @@ impl<'p> Machine<'p> {
         let (x, y) = (self.float(&a), self.float(&b));
         let r = match fun {
             Mf::Min | Mf::Max => {
-                let r = if fun == Mf::Min { arith::min(t, x, y) } else { arith::max(t, x, y) };
+                let r = if fun == Mf::Min {
+                    arith::min(t, x, y)
+                } else {
+                    arith::max(t, x, y)
+                };
                 // One side may win for certain: then keep what is known of it.
                 let (less, more) = (x.hi <= y.lo, x.lo >= y.hi);
                 let bits = |v: Iv| (v.lo.to_bits(), v.hi.to_bits());
-                let (keep_a, keep_b) = if fun == Mf::Min { (less, more) } else { (more, less) };
+                let (keep_a, keep_b) = if fun == Mf::Min {
+                    (less, more)
+                } else {
+                    (more, less)
+                };
                 if keep_a && bits(r) == bits(x) {
                     return Ok(a);
                 }
@@ -1559,7 +1762,9 @@ impl<'p> Machine<'p> {
             && matches!(fun, Mf::Dot)
             && matches!(x[0], Sc::U(..) | Sc::I(..))
         {
-            let products = self.map2(a, second.unwrap_or(a), |m, x, y| m.binary(Bin::Multiply, x, y))?;
+            let products = self.map2(a, second.unwrap_or(a), |m, x, y| {
+                m.binary(Bin::Multiply, x, y)
+            })?;
             let parts = products.scalars().unwrap_or_default().to_vec();
             let mut r = parts[0];
             for s in &parts[1..] {
@@ -1569,7 +1774,9 @@ impl<'p> Machine<'p> {
         }
         match fun {
             Mf::Dot => {
-                let Some(b) = second else { return unsupported("dot") };
+                let Some(b) = second else {
+                    return unsupported("dot");
+                };
                 let iv = self.dot(a, b)?;
                 Ok(Value::S(self.new_float(iv)))
             }
@@ -1578,7 +1785,9 @@ impl<'p> Machine<'p> {
                 Ok(Value::S(self.new_float(iv)))
             }
             Mf::Distance => {
-                let Some(b) = second else { return unsupported("distance") };
+                let Some(b) = second else {
+                    return unsupported("distance");
+                };
                 let d = self.map2(a, b, |m, x, y| m.binary(Bin::Subtract, x, y))?;
                 let iv = self.length(&d)?;
                 Ok(Value::S(self.new_float(iv)))
@@ -1602,7 +1811,9 @@ impl<'p> Machine<'p> {
                 Ok(Value::V(3, r))
             }
             Mf::Reflect => {
-                let Some(n) = second else { return unsupported("reflect") };
+                let Some(n) = second else {
+                    return unsupported("reflect");
+                };
                 let d = self.dot(a, n)?;
                 let scale = arith::mul(t, Iv::point(2.0), d, false);
                 self.map2(a, n, |m, x, y| {
@@ -1618,7 +1829,11 @@ impl<'p> Machine<'p> {
                 let d = self.dot(n, a)?;
                 let e = self.float(eta);
                 let inner = arith::sub(t, Iv::ONE, arith::mul(t, d, d, true));
-                let k = arith::sub(t, Iv::ONE, arith::mul(t, arith::mul(t, e, e, true), inner, false));
+                let k = arith::sub(
+                    t,
+                    Iv::ONE,
+                    arith::mul(t, arith::mul(t, e, e, true), inner, false),
+                );
                 let k = self.new_float(k);
                 let total = self.compare(Bin::Less, k, Sc::F(0, Iv::ZERO))?;
                 if self.truth(total)? {
@@ -1706,14 +1921,28 @@ impl<'p> Machine<'p> {
             Mf::CountLeadingZeros => word.leading_zeros(),
             Mf::CountTrailingZeros => word.trailing_zeros(),
             Mf::ReverseBits => word.reverse_bits(),
-            Mf::FirstTrailingBit => if word == 0 { u32::MAX } else { word.trailing_zeros() },
+            Mf::FirstTrailingBit => {
+                if word == 0 {
+                    u32::MAX
+                } else {
+                    word.trailing_zeros()
+                }
+            }
             Mf::FirstLeadingBit => {
                 let w = if signed && int < 0 { !word } else { word };
-                if w == 0 { u32::MAX } else { 31 - w.leading_zeros() }
+                if w == 0 {
+                    u32::MAX
+                } else {
+                    31 - w.leading_zeros()
+                }
             }
             _ => return unsupported(format!("the built-in {fun:?} on integers")),
         };
-        Ok(if signed { Sc::I(r.cast_signed(), r.cast_signed()) } else { Sc::U(r, r) })
+        Ok(if signed {
+            Sc::I(r.cast_signed(), r.cast_signed())
+        } else {
+            Sc::U(r, r)
+        })
     }
 
     fn integer2(&mut self, fun: Mf, a: Sc, b: Sc) -> Run<Sc> {
@@ -1732,11 +1961,19 @@ impl<'p> Machine<'p> {
         let shift = 32 - c;
         Ok(match self.plain(a) {
             Sc::U(lo, hi) if lo == hi => {
-                let r = if c == 0 { 0 } else { (lo << (shift - o)) >> shift };
+                let r = if c == 0 {
+                    0
+                } else {
+                    (lo << (shift - o)) >> shift
+                };
                 Sc::U(r, r)
             }
             Sc::I(lo, hi) if lo == hi => {
-                let r = if c == 0 { 0 } else { (lo << (shift - o)) >> shift };
+                let r = if c == 0 {
+                    0
+                } else {
+                    (lo << (shift - o)) >> shift
+                };
                 Sc::I(r, r)
             }
             Sc::U(lo, hi) if o + c == 32 && c > 0 => Sc::U(lo >> o, hi >> o),
@@ -1833,7 +2070,11 @@ impl<'p> Machine<'p> {
                     )
                 }
             };
-            let chosen = if lo == hi { lo } else { self.exact(Sc::I(lo as i32, hi as i32))? };
+            let chosen = if lo == hi {
+                lo
+            } else {
+                self.exact(Sc::I(lo as i32, hi as i32))?
+            };
             word |= (chosen as u32 & mask) << (width * i as u32);
         }
         Ok(Value::S(Sc::U(word, word)))
@@ -1841,7 +2082,11 @@ impl<'p> Machine<'p> {
 
     fn unpack(&mut self, fun: Mf, a: &Value) -> Run<Value> {
         let t = self.table;
-        let count = if matches!(fun, Mf::Unpack4x8unorm | Mf::Unpack4x8snorm) { 4 } else { 2 };
+        let count = if matches!(fun, Mf::Unpack4x8unorm | Mf::Unpack4x8snorm) {
+            4
+        } else {
+            2
+        };
         let width = 32 / count as u32;
         let Sc::U(word, hi) = self.plain(scalar(a)?) else {
             return unsupported("unpacking something other than a u32");
@@ -1905,9 +2150,10 @@ fn lane(value: &Value, i: usize) -> Run<Sc> {
 }
 
 fn part<T>(parts: &[T], index: u32) -> Run<&T> {
-    parts
-        .get(index as usize)
-        .ok_or(Stop::Bounds { index: i64::from(index), length: parts.len() })
+    parts.get(index as usize).ok_or(Stop::Bounds {
+        index: i64::from(index),
+        length: parts.len(),
+    })
 }
 
 fn pair<T>(lo: Option<T>, hi: Option<T>) -> Option<(T, T)> {
@@ -1961,12 +2207,20 @@ fn trunc_range(k: f32) -> (f32, f32) {
 
 fn to_unsigned(lo: i32, hi: i32) -> Sc {
     let (a, b) = (lo.cast_unsigned(), hi.cast_unsigned());
-    if (lo < 0) == (hi < 0) { Sc::U(a, b) } else { Sc::U(0, u32::MAX) }
+    if (lo < 0) == (hi < 0) {
+        Sc::U(a, b)
+    } else {
+        Sc::U(0, u32::MAX)
+    }
 }
 
 fn to_signed(lo: u32, hi: u32) -> Sc {
     let (a, b) = (lo.cast_signed(), hi.cast_signed());
-    if (a < 0) == (b < 0) { Sc::I(a, b) } else { Sc::I(i32::MIN, i32::MAX) }
+    if (a < 0) == (b < 0) {
+        Sc::I(a, b)
+    } else {
+        Sc::I(i32::MIN, i32::MAX)
+    }
 }
 
 fn f16(bits: u16) -> f32 {
@@ -1979,6 +2233,12 @@ fn nearest_f16(x: f32, a: u16, b: u16) -> u16 {
     match d(a).total_cmp(&d(b)) {
         std::cmp::Ordering::Less => a,
         std::cmp::Ordering::Greater => b,
-        std::cmp::Ordering::Equal => if a & 1 == 0 { a } else { b },
+        std::cmp::Ordering::Equal => {
+            if a & 1 == 0 {
+                a
+            } else {
+                b
+            }
+        }
     }
 }

@@ -71,7 +71,10 @@ pub struct Interval {
 
 impl Interval {
     /// Any value, NaN included.
-    pub const UNBOUNDED: Self = Self { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+    pub const UNBOUNDED: Self = Self {
+        lo: f64::NEG_INFINITY,
+        hi: f64::INFINITY,
+    };
 
     /// Whether both ends are finite.
     #[must_use]
@@ -89,7 +92,11 @@ impl Interval {
     /// interval.
     #[must_use]
     pub fn contains(&self, x: f64) -> bool {
-        if self.is_bounded() { self.lo <= x && x <= self.hi } else { true }
+        if self.is_bounded() {
+            self.lo <= x && x <= self.hi
+        } else {
+            true
+        }
     }
 
     /// The largest distance from `x` to a point of the interval: the bound on
@@ -100,7 +107,10 @@ impl Interval {
     }
 
     fn hull(self, other: Self) -> Self {
-        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+        Self {
+            lo: self.lo.min(other.lo),
+            hi: self.hi.max(other.hi),
+        }
     }
 }
 
@@ -186,12 +196,14 @@ impl Scalar {
     fn hull(self, other: Self) -> Self {
         match (self, other) {
             (Self::F32(a), Self::F32(b)) => Self::F32(a.hull(b)),
-            (Self::U32 { lo: a, hi: b }, Self::U32 { lo: c, hi: d }) => {
-                Self::U32 { lo: a.min(c), hi: b.max(d) }
-            }
-            (Self::I32 { lo: a, hi: b }, Self::I32 { lo: c, hi: d }) => {
-                Self::I32 { lo: a.min(c), hi: b.max(d) }
-            }
+            (Self::U32 { lo: a, hi: b }, Self::U32 { lo: c, hi: d }) => Self::U32 {
+                lo: a.min(c),
+                hi: b.max(d),
+            },
+            (Self::I32 { lo: a, hi: b }, Self::I32 { lo: c, hi: d }) => Self::I32 {
+                lo: a.min(c),
+                hi: b.max(d),
+            },
             (Self::Bool(a), Self::Bool(b)) if a == b => self,
             _ => Self::Bool(Tri::Either),
         }
@@ -211,7 +223,11 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { paths: 4096, depth: 64, steps: 20_000_000 }
+        Self {
+            paths: 4096,
+            depth: 64,
+            steps: 20_000_000,
+        }
     }
 }
 

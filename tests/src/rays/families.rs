@@ -3,7 +3,9 @@
 use glam::Vec3;
 use raytwin_cpu::ray::ray::Ray;
 
-use super::meshes::{Mesh, Random, displaced_sphere, hall, lattice_cube, room, sliver_sphere};
+use super::meshes::{
+    Mesh, Random, displaced_sphere, lattice_cube, room, sliver_sphere, straight_hall, tilted_hall,
+};
 
 /// What must come out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,19 +173,24 @@ fn from_surface(mesh: &Mesh, n: usize, t_min: f32) -> Vec<Ray> {
         .collect()
 }
 
-/// From inside the hall at points on its long edges, up to ten thousand widths
-/// away.
+/// From inside the hall at points on and beside its long edges, up to ten
+/// thousand widths away.
 fn along_hall(mesh: &Mesh, n: usize) -> Vec<Ray> {
     let mut random = Random::new(28);
     let [along, side, up] = [1, 2, 4].map(|i| (mesh.positions[i] - mesh.positions[0]).as_dvec3());
+    let middle = (mesh.positions[0].as_dvec3() + mesh.positions[7].as_dvec3()) * 0.5;
     (0..n)
         .map(|_| {
             let mut part = || f64::from(0.45 * random.signed());
-            let o = (along * part() + side * part() + up * part()).as_vec3();
+            let o = along * part() + side * part() + up * part();
+            let o = (o + middle).as_vec3();
             let corner = mesh.positions[random.below(8)].as_dvec3();
             let step = 10f64.powf(4.0 * f64::from(random.unit())) * f64::from(random.sign());
             let s = (o.as_dvec3() - corner).dot(along.normalize()) + step;
-            let target = corner + along.normalize() * s;
+            // Onto the edge, or past it by up to a thousandth: the shear of a
+            // far vertex errs by more than the box's own rounding.
+            let past = random.direction().as_dvec3() * 10f64.powf(-3.0 - 5.0 * f64::from(random.unit()));
+            let target = corner + along.normalize() * s + past;
             ray(o, target.as_vec3() - o)
         })
         .collect()
@@ -251,8 +258,12 @@ pub fn all(n: usize) -> Vec<Family> {
             at_random(n, 1.0, zero, length),
         ));
     }
-    let hall = hall();
-    out.push(family("edges of a long hall", &hall, along_hall(&hall, n)));
+    for (name, hall) in [
+        ("edges of a long hall, tilted", tilted_hall()),
+        ("edges of a long hall, straight", straight_hall()),
+    ] {
+        out.push(family(name, &hall, along_hall(&hall, n)));
+    }
     let room = room();
     out.push(family("random in a room with rods", &room, {
         let mut random = Random::new(30);

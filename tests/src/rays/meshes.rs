@@ -286,15 +286,24 @@ pub fn room() -> Mesh {
     mesh
 }
 
-/// A closed tilted hall of length 20 000 and width 2, twelve triangles: walls
+/// A closed hall of length 20 000 and width 2, twelve triangles, tilted: walls
 /// that reach ten thousand times farther than they are away.
 #[must_use]
-pub fn hall() -> Mesh {
+pub fn tilted_hall() -> Mesh {
     let along = DVec3::new(0.5, 0.3, 1.0).normalize();
     let side = along.cross(DVec3::Y).normalize();
     let up = side.cross(along);
     oriented_box(
         Vec3::ZERO,
         [(along * 1e4).as_vec3(), side.as_vec3(), up.as_vec3()],
+    )
+}
+
+/// The hall along the z axis: the boxes of its walls have no thickness.
+#[must_use]
+pub fn straight_hall() -> Mesh {
+    oriented_box(
+        Vec3::new(0.1, 0.3, 0.7),
+        [Vec3::Z * 1.1e4, Vec3::X * 0.9, Vec3::Y * 1.2],
     )
 }

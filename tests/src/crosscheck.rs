@@ -1,0 +1,1 @@
+//! Counting leaks, false hits and disagreements of traversal engines.
