@@ -218,5 +218,8 @@ pub fn allowed(
 }
 
 fn outside(possible: &[Scalar], words: &[u32]) -> Option<usize> {
-    possible.iter().zip(words).position(|(p, w)| !p.contains(*w))
+    possible
+        .iter()
+        .zip(words)
+        .position(|(p, w)| !p.contains(*w))
 }

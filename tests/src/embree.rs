@@ -331,7 +331,11 @@ impl Valid {
 }
 
 fn packet(rays: &[EmbreeRay]) -> (Valid, RTCRayHit16) {
-    assert!(rays.len() <= 16, "a packet holds 16 rays, not {}", rays.len());
+    assert!(
+        rays.len() <= 16,
+        "a packet holds 16 rays, not {}",
+        rays.len()
+    );
     let mut valid = Valid([0; 16]);
     let mut both = RTCRayHit16::default();
     for (i, ray) in rays.iter().enumerate() {

@@ -17,3 +17,8 @@ pub mod measure;
 pub mod rays;
 pub mod scene;
 pub mod statistics;
+
+/// The README's Rust code compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

@@ -104,18 +104,17 @@ fn compare(
             }
         }
     }
-    errors.mean = if floats == 0 { 0.0 } else { sum / floats as f64 };
+    errors.mean = if floats == 0 {
+        0.0
+    } else {
+        sum / floats as f64
+    };
     errors
 }
 
 /// Error of one twin's results.
 #[must_use]
-pub fn against_truth(
-    kernel: &Kernel,
-    input: &[u32],
-    truth: &[Vec<f64>],
-    output: &[u32],
-) -> Errors {
+pub fn against_truth(kernel: &Kernel, input: &[u32], truth: &[Vec<f64>], output: &[u32]) -> Errors {
     let lanes = kernel.lanes_out();
     let n = lanes.len();
     compare(
@@ -157,9 +156,12 @@ pub fn differing(kernel: &Kernel, cpu: &[u32], gpu: &[u32]) -> Vec<usize> {
         .zip(gpu.chunks_exact(lanes.len()))
         .enumerate()
         .filter(|(_, (a, b))| {
-            lanes.iter().zip(a.iter().zip(*b)).any(|((_, scalar), (a, b))| {
-                a != b && !(*scalar == Scalar::F32 && tiny(*a) && tiny(*b))
-            })
+            lanes
+                .iter()
+                .zip(a.iter().zip(*b))
+                .any(|((_, scalar), (a, b))| {
+                    a != b && !(*scalar == Scalar::F32 && tiny(*a) && tiny(*b))
+                })
         })
         .map(|(i, _)| i)
         .collect()

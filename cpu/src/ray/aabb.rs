@@ -187,6 +187,9 @@ mod tests {
             t_max: f32::MAX,
         };
         let max = Vec3::new(1.2e-38, tiny, tiny);
-        assert_eq!(aabb_intersect(ray, Vec3::new(1.1e-38, 0.0, 0.0), max).hit, 1);
+        assert_eq!(
+            aabb_intersect(ray, Vec3::new(1.1e-38, 0.0, 0.0), max).hit,
+            1
+        );
     }
 }

@@ -7,7 +7,7 @@
 //! the slab test is monotone, so no node is passed over that holds an accepted
 //! hit. Among hits at one `t` the lowest primitive index wins.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 use super::aabb::{AABB_WIDEN, aabb_max, aabb_slab};
 use super::ray::{Ray, RayShear, ray_shear};
@@ -89,14 +89,105 @@ fn bvh_node<'a>(bvh: &BvhView<'a>, index: u32) -> &'a BvhNode {
     bvh.nodes.get(index as usize).unwrap_or(&NOWHERE)
 }
 
+/// What the walk keeps at hand of a prepared ray, in registers of four.
+#[derive(Clone, Copy)]
+struct BvhRay {
+    shear: RayShear,
+    origin: Vec3A,
+    inverse: Vec3A,
+    t_min: f32,
+}
+
+/// The slab of a ray with a zero in its direction: kept out of the hot loop.
+#[cold]
+#[inline(never)]
+fn bvh_slab_parallel(node: &BvhNode, ray: &BvhRay) -> Vec2 {
+    aabb_slab(node.min, node.max, &ray.shear)
+}
+
 /// Where the ray enters a node's box, or a negative number if it does not
 /// touch it between `t_min` and `t_max`.
+///
+/// [`aabb_slab`] with three axes at a time: the same operations.
 #[inline(always)]
-fn bvh_enter(node: &BvhNode, shear: &RayShear, t_min: f32, t_max: f32) -> f32 {
-    let slab = aabb_slab(node.min, node.max, shear);
-    let near = aabb_max(slab.x, t_min);
-    let far = slab.y * AABB_WIDEN + shear.slack;
-    if near <= far && near <= t_max { near } else { -1.0 }
+fn bvh_enter(node: &BvhNode, ray: &BvhRay, t_max: f32) -> f32 {
+    let slab = if ray.shear.parallel != 0 {
+        bvh_slab_parallel(node, ray)
+    } else {
+        let a = (Vec3A::from(node.min) - ray.origin) * ray.inverse;
+        let b = (Vec3A::from(node.max) - ray.origin) * ray.inverse;
+        Vec2::new(a.min(b).max_element(), a.max(b).min_element())
+    };
+    let near = aabb_max(slab.x, ray.t_min);
+    let far = slab.y * AABB_WIDEN + ray.shear.slack;
+    if near <= far && near <= t_max {
+        near
+    } else {
+        -1.0
+    }
+}
+
+/// Whether the edges of a triangle let the ray through: the first half of
+/// [`triangle_intersect_sheared`] for three vertices at a time.
+///
+/// The order of an edge's ends and the test for equal products, which guard
+/// the twin against fused operations, change no bit here: Rust does not fuse,
+/// and a difference of two rounded products has the sign of their comparison.
+#[inline(always)]
+fn bvh_edges_pass(triangle: &BvhTriangle, ray: &BvhRay) -> bool {
+    let BvhTriangle { a, b, c, .. } = triangle;
+    let x = Vec3A::new(a.x, b.x, c.x) - Vec3A::splat(ray.shear.origin.x);
+    let y = Vec3A::new(a.y, b.y, c.y) - Vec3A::splat(ray.shear.origin.y);
+    let z = Vec3A::new(a.z, b.z, c.z) - Vec3A::splat(ray.shear.origin.z);
+    let (u, v, w) = match ray.shear.axis {
+        0 => (y, z, x),
+        1 => (z, x, y),
+        _ => (x, y, z),
+    };
+    let u = u - w * ray.shear.shear.x;
+    let v = v - w * ray.shear.shear.y;
+    let p = u.yzx() * v.zxy();
+    let q = v.yzx() * u.zxy();
+    p.cmplt(q).any() != p.cmpgt(q).any()
+}
+
+/// Takes a triangle as the best hit if it is one: once or twice a ray, so it
+/// stays out of the hot loop.
+#[inline(never)]
+fn bvh_accept(triangle: &BvhTriangle, ray: &BvhRay, best: &mut BvhHit) -> bool {
+    let hit = triangle_intersect_sheared(
+        &ray.shear, ray.t_min, best.t, triangle.a, triangle.b, triangle.c,
+    );
+    let better = hit.hit != 0 && (hit.t < best.t || triangle.primitive < best.primitive);
+    if better {
+        *best = BvhHit {
+            t: hit.t,
+            u: hit.u,
+            v: hit.v,
+            primitive: triangle.primitive,
+        };
+    }
+    better
+}
+
+/// Tests a leaf's triangles and returns their number.
+#[inline(always)]
+fn bvh_leaf(bvh: &BvhView<'_>, node: &BvhNode, ray: &BvhRay, any: bool, best: &mut BvhHit) -> u32 {
+    let first = node.first as usize;
+    let size = node.count.min(BVH_STEPS);
+    let leaf = first
+        .checked_add(size as usize)
+        .and_then(|end| bvh.triangles.get(first..end))
+        .unwrap_or(&[]);
+    for triangle in leaf {
+        if !bvh_edges_pass(triangle, ray) {
+            continue;
+        }
+        if bvh_accept(triangle, ray, best) && any {
+            break;
+        }
+    }
+    size
 }
 
 /// The shared walk: with `any` it ends at the first hit.
@@ -109,87 +200,78 @@ fn bvh_walk(bvh: &BvhView<'_>, ray: Ray, any: bool) -> BvhHit {
         primitive: BVH_MISS,
     };
     let shear = ray_shear(ray);
-    let mut stack_node = [0u32; BVH_STACK];
-    let mut stack_near = [0.0f32; BVH_STACK];
-    let mut depth = 0usize;
-    let mut index = 0u32;
-    let mut steps = 0u32;
+    let at = BvhRay {
+        shear,
+        origin: shear.origin.into(),
+        inverse: shear.inverse.into(),
+        t_min: ray.t_min,
+    };
     let root = bvh_node(bvh, 0);
-    if bvh_enter(root, &shear, ray.t_min, best.t) < 0.0 {
+    if bvh_enter(root, &at, best.t) < 0.0 {
         return best;
     }
-    let (mut first, mut count) = (root.first, root.count);
-    loop {
+    if root.count > 0 {
+        bvh_leaf(bvh, root, &at, any, &mut best);
+        return best;
+    }
+    let mut stack = [(0u32, 0.0f32); BVH_STACK];
+    let mut depth = 0usize;
+    let mut pair = root.first;
+    let mut steps = 0u32;
+    // A pair of siblings is never at 0: that is the root.
+    while pair != 0 && steps < BVH_STEPS {
+        let left = bvh_node(bvh, pair);
+        let right = bvh_node(bvh, pair.wrapping_add(1));
+        let left_enter = bvh_enter(left, &at, best.t);
+        let right_enter = bvh_enter(right, &at, best.t);
+        // The nearer first; one that is missed counts as the farther.
+        let swap = right_enter >= 0.0 && (left_enter < 0.0 || right_enter < left_enter);
+        let (near, near_enter) = if swap {
+            (right, right_enter)
+        } else {
+            (left, left_enter)
+        };
+        let (far, far_enter) = if swap {
+            (left, left_enter)
+        } else {
+            (right, right_enter)
+        };
         steps += 1;
-        let mut down = false;
-        if count > 0 {
-            let end = first.saturating_add(count.min(BVH_STEPS));
-            let leaf = bvh
-                .triangles
-                .get(first as usize..end as usize)
-                .unwrap_or(&[]);
-            for triangle in leaf {
-                let hit = triangle_intersect_sheared(
-                    &shear, ray.t_min, best.t, triangle.a, triangle.b, triangle.c,
-                );
-                if hit.hit != 0 && (hit.t < best.t || triangle.primitive < best.primitive) {
-                    best = BvhHit {
-                        t: hit.t,
-                        u: hit.u,
-                        v: hit.v,
-                        primitive: triangle.primitive,
-                    };
-                    if any {
-                        return best;
-                    }
-                }
-            }
-            steps = steps.saturating_add(count);
-        } else if first > index {
-            let left = bvh_node(bvh, first);
-            let right = bvh_node(bvh, first.wrapping_add(1));
-            let left_near = bvh_enter(left, &shear, ray.t_min, best.t);
-            let right_near = bvh_enter(right, &shear, ray.t_min, best.t);
-            let both = left_near >= 0.0 && right_near >= 0.0;
-            let go_right = if both {
-                right_near < left_near
-            } else {
-                right_near >= 0.0
-            };
-            down = left_near >= 0.0 || right_near >= 0.0;
-            if both && depth < BVH_STACK {
-                stack_node[depth] = if go_right {
-                    first
-                } else {
-                    first.wrapping_add(1)
-                };
-                stack_near[depth] = if go_right { left_near } else { right_near };
-                depth += 1;
-            }
-            if down {
-                index = first.wrapping_add(u32::from(go_right));
-                let next = if go_right { right } else { left };
-                (first, count) = (next.first, next.count);
+        let mut next = 0;
+        let mut postponed = 0;
+        if near_enter >= 0.0 {
+            if near.count > 0 {
+                steps = steps.saturating_add(bvh_leaf(bvh, near, &at, any, &mut best));
+            } else if near.first > pair {
+                next = near.first;
             }
         }
-        if !down {
-            loop {
-                if depth == 0 {
-                    return best;
-                }
-                depth -= 1;
-                if stack_near[depth] <= best.t {
-                    break;
-                }
+        if far_enter >= 0.0 && far_enter <= best.t {
+            if far.count > 0 {
+                steps = steps.saturating_add(bvh_leaf(bvh, far, &at, any, &mut best));
+            } else if far.first > pair {
+                postponed = far.first;
             }
-            index = stack_node[depth];
-            let next = bvh_node(bvh, index);
-            (first, count) = (next.first, next.count);
         }
-        if steps >= BVH_STEPS {
+        if any && best.primitive != BVH_MISS {
             return best;
         }
+        if next == 0 {
+            next = postponed;
+        } else if postponed != 0 && depth < BVH_STACK {
+            stack[depth] = (postponed, far_enter);
+            depth += 1;
+        }
+        while next == 0 && depth > 0 {
+            depth -= 1;
+            let (node, enter) = stack[depth];
+            if enter <= best.t {
+                next = node;
+            }
+        }
+        pair = next;
     }
+    best
 }
 
 /// The closest triangle that a ray meets within its range, ends included.

@@ -150,7 +150,11 @@ mod tests {
     #[test]
     fn projecting_back_gives_the_pixel() {
         let (c, m) = camera();
-        for pixel in [Vec2::new(0.5, 0.5), Vec2::new(599.5, 10.5), Vec2::new(33.25, 399.0)] {
+        for pixel in [
+            Vec2::new(0.5, 0.5),
+            Vec2::new(599.5, 10.5),
+            Vec2::new(33.25, 399.0),
+        ] {
             let world = camera_position_from_depth(pixel, 7.0, c);
             let clip = m * world.extend(1.0);
             let ndc = clip / clip.w;
@@ -168,7 +172,14 @@ mod tests {
     #[test]
     fn infinite_far_plane_is_finite() {
         let m = projection(0.5, 1.0, 0.1).inverse();
-        let p = position_from_depth(Vec2::splat(0.5), 0.0, m.x_axis, m.y_axis, m.z_axis, m.w_axis);
+        let p = position_from_depth(
+            Vec2::splat(0.5),
+            0.0,
+            m.x_axis,
+            m.y_axis,
+            m.z_axis,
+            m.w_axis,
+        );
         assert!(p.is_finite());
     }
 }

@@ -105,7 +105,10 @@ mod tests {
         assert_eq!((h.hit, h.t, h.t_near), (1, 4.0, -4.0));
         let h = sphere_intersect(ray(Vec3::Z * 8.0, Vec3::Z), Vec3::Z * 5.0, 2.0);
         assert_eq!(h, MISS);
-        assert_eq!(sphere_intersect(ray(Vec3::X * 2.5, Vec3::Z), Vec3::Z, 2.0), MISS);
+        assert_eq!(
+            sphere_intersect(ray(Vec3::X * 2.5, Vec3::Z), Vec3::Z, 2.0),
+            MISS
+        );
     }
 
     #[test]
@@ -121,11 +124,7 @@ mod tests {
         // The textbook form gives 0 or garbage from about 5e3 radii on.
         for distance in [1e2f32, 1e4, 1e5, 1e6] {
             for offset in [0.0f32, 0.25, 0.5, 0.75, 0.9, 1.1, 1.5, 2.0] {
-                let h = sphere_intersect(
-                    ray(Vec3::X * offset, Vec3::Z),
-                    Vec3::Z * distance,
-                    1.0,
-                );
+                let h = sphere_intersect(ray(Vec3::X * offset, Vec3::Z), Vec3::Z * distance, 1.0);
                 assert_eq!(h.hit == 1, offset <= 1.0, "{distance} {offset}");
                 if h.hit == 1 {
                     let truth = f64::from(distance) - (1.0 - f64::from(offset).powi(2)).sqrt();

@@ -67,10 +67,7 @@ pub fn triangle_intersect_moller_trumbore(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -
 /// they see the same edge.
 #[inline(always)]
 fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
-    Vec2::new(
-        vertex.x - shear.x * vertex.z,
-        vertex.y - shear.y * vertex.z,
-    )
+    Vec2::new(vertex.x - shear.x * vertex.z, vertex.y - shear.y * vertex.z)
 }
 
 /// Which side of the edge from `a` to `b` the ray is on: twice the signed area
@@ -158,41 +155,44 @@ fn triangle_finish(
         return MISS;
     }
 
-    // The plane's equation, kept inside that interval: of a needle the normal
-    // is mostly rounding. It comes from the two shorter edges, since the
-    // product of two long, nearly parallel ones cancels.
+    let area = (ea + eb) + ec;
+    let divisor = if area == 0.0 { 1.0 } else { area };
+    let u = aabb_min(aabb_max(eb / divisor, 0.0), 1.0);
+    let v = aabb_min(aabb_max(ec / divisor, 0.0), 1.0);
+
+    // The plane's equation, kept inside the box's interval. The normal comes
+    // from the two shorter edges, since the product of two long, nearly
+    // parallel ones cancels, and the plane's point from the weights: next to
+    // the hit a wrong normal, as a needle has, does little harm.
     let ab = b - a;
     let bc = c - b;
     let ca = a - c;
     let length_ab = vec3_dot(ab, ab);
     let length_bc = vec3_dot(bc, bc);
     let length_ca = vec3_dot(ca, ca);
-    let (first, second, corner) = if length_ca >= length_ab && length_ca >= length_bc {
-        (ab, bc, lb)
+    let (first, second) = if length_ca >= length_ab && length_ca >= length_bc {
+        (ab, bc)
     } else if length_ab >= length_bc {
-        (bc, ca, lc)
+        (bc, ca)
     } else {
-        (ca, ab, la)
+        (ca, ab)
     };
     let normal = vec3_cross(first, second);
-    let numerator = vec3_dot(normal, corner);
+    let point = Vec3::new(
+        (la.x + ab.x * u) - ca.x * v,
+        (la.y + ab.y * u) - ca.y * v,
+        (la.z + ab.z * u) - ca.z * v,
+    );
+    let numerator = vec3_dot(normal, point);
     let denominator = vec3_dot(normal, shear.direction);
     let divides = plane_divides(numerator, denominator);
     let plane = numerator / if divides { denominator } else { 1.0 };
-    let far = if divides { plane } else { slab.x };
-    let t = aabb_max(aabb_min(far, slab.y), slab.x);
+    let along = if divides { plane } else { slab.x };
+    let t = aabb_max(aabb_min(along, slab.y), slab.x);
     if t < t_min || t > t_max {
         return MISS;
     }
-
-    let area = (ea + eb) + ec;
-    let divisor = if area == 0.0 { 1.0 } else { area };
-    TriangleHit {
-        hit: 1,
-        t,
-        u: aabb_min(aabb_max(eb / divisor, 0.0), 1.0),
-        v: aabb_min(aabb_max(ec / divisor, 0.0), 1.0),
-    }
+    TriangleHit { hit: 1, t, u, v }
 }
 
 /// Ray against triangle without gaps: a ray through a closed mesh meets it,
@@ -244,7 +244,10 @@ mod tests {
                 let h = test(ray([0.25, 0.5, z], [0.0, 0.0, -0.5 * z]), a, b, c);
                 assert_eq!((h.hit, h.t, h.u, h.v), (1, 2.0, 0.25, 0.5));
             }
-            assert_eq!(test(ray([0.75, 0.5, 1.0], [0.0, 0.0, -1.0]), a, b, c).hit, 0);
+            assert_eq!(
+                test(ray([0.75, 0.5, 1.0], [0.0, 0.0, -1.0]), a, b, c).hit,
+                0
+            );
             assert_eq!(test(ray([0.25, 0.5, 1.0], [0.0, 0.0, 1.0]), a, b, c).hit, 0);
             assert_eq!(test(ray([-1.0, 0.2, 0.0], [1.0, 0.0, 0.0]), a, b, c).hit, 0);
         }
@@ -276,8 +279,14 @@ mod tests {
     fn edges_and_vertices_are_inside() {
         let [a, b, c] = corner();
         for test in BOTH {
-            for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)]
-            {
+            for (x, y) in [
+                (0.0, 0.0),
+                (1.0, 0.0),
+                (0.0, 1.0),
+                (0.5, 0.0),
+                (0.0, 0.5),
+                (0.5, 0.5),
+            ] {
                 for z in [-1.0, 1.0] {
                     for zero in [0.0, -0.0] {
                         let h = test(ray([x, y, z], [zero, zero, -z]), a, b, c);

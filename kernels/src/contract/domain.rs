@@ -10,11 +10,14 @@ use std::sync::Arc;
 
 use glam::{UVec2, UVec3, UVec4, Vec2, Vec3};
 
+/// A shared function of flat words.
+pub(super) type Words<T> = Arc<dyn Fn(&[u32]) -> T + Send + Sync>;
+
 /// A set of values of type `T`, given as a function of `words` uniform words.
 #[derive(Clone)]
 pub struct Domain<T> {
     words: usize,
-    make: Arc<dyn Fn(&[u32]) -> T + Send + Sync>,
+    make: Words<T>,
 }
 
 impl<T: 'static> Domain<T> {

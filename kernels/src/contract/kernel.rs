@@ -4,6 +4,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use super::domain::Words;
 use super::{Domain, Domains, Scalar, TypeInfo, Value};
 
 /// How closely the twins can agree, by the operations that they use.
@@ -111,9 +112,9 @@ pub struct Kernel {
     /// Other ways to compute the same thing.
     pub baselines: Vec<Baseline>,
     cpu: Batch,
-    truth: Arc<dyn Fn(&[u32]) -> Vec<f64> + Send + Sync>,
-    scale: Arc<dyn Fn(&[u32]) -> f64 + Send + Sync>,
-    undecided: Option<Arc<dyn Fn(&[u32]) -> bool + Send + Sync>>,
+    truth: Words<Vec<f64>>,
+    scale: Words<f64>,
+    undecided: Option<Words<bool>>,
     domain: Domain<Vec<u32>>,
 }
 

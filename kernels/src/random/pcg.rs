@@ -46,7 +46,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         let s = (u64::from(v) * 747_796_405 + 2_891_336_453) % M;
         let shift = s / (1 << 28) + 4;
         let word = ((s / (1 << shift)) ^ s) * 277_803_737 % M;
-        (word / (1 << 22) ^ word) as u32
+        ((word / (1 << 22)) ^ word) as u32
     }
     const THREE: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2, 0, 1)];
     const FOUR: [(usize, usize, usize); 4] = [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)];

@@ -190,7 +190,7 @@ fn raytwin_float(at: u32) -> f32 {
             (far / shape).max(far / d.length() / shape)
         })
         .undecided(undecided)
-        .few_ulp(2.75, 15.5)
+        .few_ulp(2.75, 18.0)
         .by_analysis(WHY)
         .hard(hard)
         .fixture(FIXTURE, words.to_vec())

@@ -159,7 +159,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale_by(condition)
         .undecided(undecided)
-        .few_ulp(3.25, 12.5)
+        .few_ulp(3.25, 13.0)
         .hard(hard)
         .source("Moeller and Trumbore 1997, JGT 2(1)")
         .build(),
@@ -183,7 +183,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 undecided((o, d, t_min, t_max), a, b, c)
             },
         )
-        .few_ulp(2.75, 14.5)
+        .few_ulp(2.75, 17.0)
         .hard(hard.map(prepared))
         .source(WATERTIGHT)
         .build(),
@@ -197,7 +197,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale_by(condition)
         .undecided(undecided)
-        .few_ulp(2.75, 15.5)
+        .few_ulp(2.75, 18.0)
         .hard(hard)
         .source(WATERTIGHT)
         .build(),

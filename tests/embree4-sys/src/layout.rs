@@ -131,7 +131,7 @@ pub struct RTCRay {
 /// What one ray hit. The library's own structure goes on with an
 /// instance-primitive id; see [`RTCRayHit`].
 #[repr(C, align(16))]
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)]
 pub struct RTCHit {
     pub Ng_x: f32,
@@ -142,6 +142,23 @@ pub struct RTCHit {
     pub primID: u32,
     pub geomID: u32,
     pub instID: [u32; 1],
+}
+
+impl Default for RTCHit {
+    /// No hit: `embree4-rs` starts every query with this and tells a miss by
+    /// the geometry's id.
+    fn default() -> Self {
+        Self {
+            Ng_x: 0.0,
+            Ng_y: 0.0,
+            Ng_z: 0.0,
+            u: 0.0,
+            v: 0.0,
+            primID: RTC_INVALID_GEOMETRY_ID,
+            geomID: RTC_INVALID_GEOMETRY_ID,
+            instID: [RTC_INVALID_GEOMETRY_ID],
+        }
+    }
 }
 
 /// A ray and what it hit: 96 bytes.
@@ -339,7 +356,7 @@ const _: () = {
     assert!(size_of::<RTCRay>() == 48 && align_of::<RTCRay>() == 16);
     assert!(size_of::<RTCHit>() == 32 && align_of::<RTCHit>() == 16);
     // The library writes four bytes at INST_PRIM_ID_OFFSET on every hit.
-    assert!(size_of::<RTCRayHit>() == 96 && align_of::<RTCRayHit>() % 16 == 0);
+    assert!(size_of::<RTCRayHit>() == 96 && align_of::<RTCRayHit>() >= 16);
     assert!(size_of::<RTCRayHit>() >= INST_PRIM_ID_OFFSET + 4);
     assert!(offset_of!(RTCRayHit, hit) == 48);
     assert!(offset_of!(RTCRay, tfar) == 32 && offset_of!(RTCRay, flags) == 44);

@@ -63,12 +63,7 @@ pub fn shader_source(
     let mut next = 0;
     let arguments: Vec<_> = inputs
         .iter()
-        .map(|(_, ty)| {
-            ty.construct(
-                &|i| format!("raytwin_input[raytwin_at + {i}u]"),
-                &mut next,
-            )
-        })
+        .map(|(_, ty)| ty.construct(&|i| format!("raytwin_input[raytwin_at + {i}u]"), &mut next))
         .collect();
     let stores: String = output
         .lanes("raytwin_result")
@@ -301,8 +296,8 @@ pub(crate) fn shader_module(
         kernel: name.into(),
         message,
     };
-    let module = naga::front::wgsl::parse_str(source)
-        .map_err(|e| shader_error(e.emit_to_string(source)))?;
+    let module =
+        naga::front::wgsl::parse_str(source).map_err(|e| shader_error(e.emit_to_string(source)))?;
     let info = naga::valid::Validator::new(
         naga::valid::ValidationFlags::all(),
         naga::valid::Capabilities::empty(),
@@ -339,8 +334,8 @@ pub(crate) fn shader_module(
     // SAFETY: naga validated the module and wrote the SPIR-V; the decorations
     // added since change no instruction.
     Ok(unsafe {
-        gpu.device.create_shader_module_passthrough(
-            wgpu::ShaderModuleDescriptorPassthrough {
+        gpu.device
+            .create_shader_module_passthrough(wgpu::ShaderModuleDescriptorPassthrough {
                 label: Some(name),
                 entry_points: std::borrow::Cow::Owned(vec![wgpu::PassthroughShaderEntryPoint {
                     name: "raytwin_main".into(),
@@ -348,7 +343,6 @@ pub(crate) fn shader_module(
                 }]),
                 spirv: Some(words.into()),
                 ..Default::default()
-            },
-        )
+            })
     })
 }

@@ -189,7 +189,8 @@ fn along_hall(mesh: &Mesh, n: usize) -> Vec<Ray> {
             let s = (o.as_dvec3() - corner).dot(along.normalize()) + step;
             // Onto the edge, or past it by up to a thousandth: the shear of a
             // far vertex errs by more than the box's own rounding.
-            let past = random.direction().as_dvec3() * 10f64.powf(-3.0 - 5.0 * f64::from(random.unit()));
+            let past =
+                random.direction().as_dvec3() * 10f64.powf(-3.0 - 5.0 * f64::from(random.unit()));
             let target = corner + along.normalize() * s + past;
             ray(o, target.as_vec3() - o)
         })
@@ -204,11 +205,27 @@ pub fn all(n: usize) -> Vec<Family> {
     let slivers = sliver_sphere(20_000);
     let zero = Vec3::ZERO;
     let mut out = vec![
-        family("random, closed sphere", &sphere, at_random(n, 1.0, zero, 1.0)),
-        family("edges, closed sphere", &sphere, at_edges(&sphere, n, 1.0, zero)),
+        family(
+            "random, closed sphere",
+            &sphere,
+            at_random(n, 1.0, zero, 1.0),
+        ),
+        family(
+            "edges, closed sphere",
+            &sphere,
+            at_edges(&sphere, n, 1.0, zero),
+        ),
         family("vertices, closed sphere", &sphere, at_vertices(&sphere, n)),
-        family("axes with either zero, lattice vertices", &cube, along_axes(n, 64)),
-        family("diagonals with zeros, lattice vertices", &cube, along_diagonals(n, 64)),
+        family(
+            "axes with either zero, lattice vertices",
+            &cube,
+            along_axes(n, 64),
+        ),
+        family(
+            "diagonals with zeros, lattice vertices",
+            &cube,
+            along_diagonals(n, 64),
+        ),
         family("grazing along faces", &cube, grazing(n, 64)),
         family("axes, closed sphere", &sphere, {
             let mut random = Random::new(29);
@@ -220,11 +237,23 @@ pub fn all(n: usize) -> Vec<Family> {
                 })
                 .collect()
         }),
-        family("edges of slivers", &slivers, at_edges(&slivers, n, 1.0, zero)),
+        family(
+            "edges of slivers",
+            &slivers,
+            at_edges(&slivers, n, 1.0, zero),
+        ),
         family("vertices of slivers", &slivers, at_vertices(&slivers, n)),
         family("random, slivers", &slivers, at_random(n, 1.0, zero, 1.0)),
-        family("from the surface inwards, t_min 0", &sphere, from_surface(&sphere, n, 0.0)),
-        family("from the surface inwards, t_min 1e-4", &sphere, from_surface(&sphere, n, 1e-4)),
+        family(
+            "from the surface inwards, t_min 0",
+            &sphere,
+            from_surface(&sphere, n, 0.0),
+        ),
+        family(
+            "from the surface inwards, t_min 1e-4",
+            &sphere,
+            from_surface(&sphere, n, 1e-4),
+        ),
     ];
     for scale in [1e6, 1e3, 1e-3, 1e-4, 1e-5, 1e-7] {
         let mesh = sphere.clone().placed(scale, zero);
@@ -279,9 +308,21 @@ pub fn all(n: usize) -> Vec<Family> {
             .collect()
     }));
     for (name, mesh, rays) in [
-        ("t_max at the hit, random", &sphere, at_random(n, 1.0, zero, 1.0)),
-        ("t_max at the hit, edges", &sphere, at_edges(&sphere, n, 1.0, zero)),
-        ("t_max at the hit, slivers", &slivers, at_edges(&slivers, n, 1.0, zero)),
+        (
+            "t_max at the hit, random",
+            &sphere,
+            at_random(n, 1.0, zero, 1.0),
+        ),
+        (
+            "t_max at the hit, edges",
+            &sphere,
+            at_edges(&sphere, n, 1.0, zero),
+        ),
+        (
+            "t_max at the hit, slivers",
+            &slivers,
+            at_edges(&slivers, n, 1.0, zero),
+        ),
     ] {
         out.push(Family {
             expect: Expectation::MustHitAgain,

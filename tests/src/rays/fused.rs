@@ -72,7 +72,11 @@ impl Arithmetic {
     }
 
     fn product_sum(self, a: f32, b: f32, c: f32) -> f32 {
-        if self.rest { a.mul_add(b, c) } else { a * b + c }
+        if self.rest {
+            a.mul_add(b, c)
+        } else {
+            a * b + c
+        }
     }
 
     fn dot(self, a: Vec3, b: Vec3) -> f32 {
@@ -96,7 +100,11 @@ impl Arithmetic {
             }
         };
         // Opposite directions for neighbours is the worst that can happen.
-        s.inverse = Vec3::new(off(s.inverse.x, 1), off(s.inverse.y, -1), off(s.inverse.z, 1));
+        s.inverse = Vec3::new(
+            off(s.inverse.x, 1),
+            off(s.inverse.y, -1),
+            off(s.inverse.z, 1),
+        );
         s.shear = Vec2::new(off(s.shear.x, -1), off(s.shear.y, 1));
         s
     }
@@ -160,14 +168,20 @@ impl Arithmetic {
         } else {
             2
         };
-        let (e1, e2, corner) = (sides[k], sides[(k + 1) % 3], local[(k + 1) % 3]);
+        let (e1, e2) = (sides[k], sides[(k + 1) % 3]);
+        let area = (e[0] + e[1]) + e[2];
+        let weight = |e: f32| (e / if area == 0.0 { 1.0 } else { area }).clamp(0.0, 1.0);
+        let point = Vec3::from_array([0, 1, 2].map(|i| {
+            let near = self.product_sum(sides[0][i], weight(e[1]), local[0][i]);
+            self.product_sum(-sides[2][i], weight(e[2]), near)
+        }));
         let cross = |a: f32, b: f32, c: f32, d: f32| self.product_sum(a, b, -(c * d));
         let normal = Vec3::new(
             cross(e1.y, e2.z, e1.z, e2.y),
             cross(e1.z, e2.x, e1.x, e2.z),
             cross(e1.x, e2.y, e1.y, e2.x),
         );
-        let (num, den) = (self.dot(normal, corner), self.dot(normal, s.direction));
+        let (num, den) = (self.dot(normal, point), self.dot(normal, s.direction));
         let t = if den.abs() > 1e-36 { num / den } else { slab.0 };
         let t = t.min(slab.1).max(slab.0);
         (t >= t_min && t <= t_max).then_some(t)

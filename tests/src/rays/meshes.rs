@@ -45,8 +45,7 @@ impl Mesh {
         for t in &self.indices {
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                 if a != b {
-                    *sides.entry((a.min(b), a.max(b))).or_default() +=
-                        if a < b { 1 } else { -1 };
+                    *sides.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
                 }
             }
         }
@@ -74,7 +73,7 @@ impl Random {
 
     /// An index below `n`.
     pub fn below(&mut self, n: usize) -> usize {
-        (u64::from(self.word()) * n as u64 >> 32) as usize
+        ((u64::from(self.word()) * n as u64) >> 32) as usize
     }
 
     /// In `[0, 1)`.

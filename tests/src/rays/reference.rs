@@ -79,7 +79,11 @@ fn touches(ray: Ray, low: Vec3, high: Vec3, t_max: f64) -> bool {
             }
         } else {
             let (s, e) = ((l - pad) / d, (h + pad) / d);
-            let (s, e) = if d < 0.0 { ((h + pad) / d, (l - pad) / d) } else { (s, e) };
+            let (s, e) = if d < 0.0 {
+                ((h + pad) / d, (l - pad) / d)
+            } else {
+                (s, e)
+            };
             near = near.max(s);
             far = far.min(e);
         }

@@ -88,7 +88,11 @@ fn meshes_are_what_they_say() {
     ] {
         assert!(mesh.is_closed());
         let ratio = mesh.indices.len() as f64 / f64::from(triangles);
-        assert!((0.8..1.25).contains(&ratio), "{} {triangles}", mesh.indices.len());
+        assert!(
+            (0.8..1.25).contains(&ratio),
+            "{} {triangles}",
+            mesh.indices.len()
+        );
     }
     assert!(!terrain(1000).is_closed());
     assert_eq!(displaced_sphere(5000), displaced_sphere(5000));
@@ -119,7 +123,13 @@ fn the_families_see_leaks() {
     for family in all(RAYS / 4) {
         let plain = Plain::new(&family.mesh);
         let lost = leaks(&family, |r| plain.closest(r));
-        let must_fail = ["edges, closed", "vertices", "axes with", "diagonals", "edges of sl"];
+        let must_fail = [
+            "edges, closed",
+            "vertices",
+            "axes with",
+            "diagonals",
+            "edges of sl",
+        ];
         if must_fail.iter().any(|s| family.name.starts_with(s)) {
             assert!(lost * 50 > family.rays.len(), "{}: {lost}", family.name);
         }
@@ -226,7 +236,12 @@ fn the_tree_does_not_matter() {
                 }
             }
             for bvh in &every {
-                assert_eq!(hit_of(bvh_closest(&bvh.view(), r)), best, "{} {r:?}", family.name);
+                assert_eq!(
+                    hit_of(bvh_closest(&bvh.view(), r)),
+                    best,
+                    "{} {r:?}",
+                    family.name
+                );
                 assert_eq!(bvh_any(&bvh.view(), r) != 0, best.is_some());
             }
         }

@@ -62,77 +62,103 @@ fn bvh_enter(node: BvhNode, shear: RayShear, t_min: f32, t_max: f32) -> f32 {
     return select(-1.0, near, near <= far && near <= t_max);
 }
 
-// The shared walk: with any it ends at the first hit.
+// Tests a leaf's triangles and returns the best hit.
+fn bvh_leaf(
+    node: BvhNode,
+    shear: RayShear,
+    t_min: f32,
+    any_hit: bool,
+    before: BvhHit,
+) -> BvhHit {
+    var best = before;
+    let size = min(node.count, BVH_STEPS);
+    for (var i = 0u; i < size; i += 1u) {
+        let triangle = bvh_read_triangle(node.first + i);
+        let hit = triangle_intersect_sheared(
+            shear,
+            t_min,
+            best.t,
+            triangle.a,
+            triangle.b,
+            triangle.c,
+        );
+        if hit.hit != 0u && (hit.t < best.t || triangle.primitive < best.primitive) {
+            best = BvhHit(hit.t, hit.u, hit.v, triangle.primitive);
+            if any_hit {
+                break;
+            }
+        }
+    }
+    return best;
+}
+
+// The shared walk: with any_hit it ends at the first hit.
 fn bvh_walk(ray: Ray, any_hit: bool) -> BvhHit {
     var best = BvhHit(ray.t_max, 0.0, 0.0, BVH_MISS);
     let shear = ray_shear(ray);
-    var stack_node: array<u32, BVH_STACK>;
-    var stack_near: array<f32, BVH_STACK>;
-    var depth = 0u;
-    var index = 0u;
-    var steps = 0u;
     let root = bvh_read_node(0u);
     if bvh_enter(root, shear, ray.t_min, best.t) < 0.0 {
         return best;
     }
-    var first = root.first;
-    var count = root.count;
-    while steps < BVH_STEPS {
+    if root.count > 0u {
+        return bvh_leaf(root, shear, ray.t_min, any_hit, best);
+    }
+    var stack_node: array<u32, BVH_STACK>;
+    var stack_enter: array<f32, BVH_STACK>;
+    var depth = 0u;
+    var pair = root.first;
+    var steps = 0u;
+    // A pair of siblings is never at 0: that is the root.
+    while pair != 0u && steps < BVH_STEPS {
+        var near = bvh_read_node(pair);
+        var far = bvh_read_node(pair + 1u);
+        var near_enter = bvh_enter(near, shear, ray.t_min, best.t);
+        var far_enter = bvh_enter(far, shear, ray.t_min, best.t);
+        // The nearer first; one that is missed counts as the farther.
+        if far_enter >= 0.0 && (near_enter < 0.0 || far_enter < near_enter) {
+            let node = near;
+            let enter = near_enter;
+            near = far;
+            near_enter = far_enter;
+            far = node;
+            far_enter = enter;
+        }
         steps += 1u;
-        var down = false;
-        if count > 0u {
-            let size = min(count, BVH_STEPS - steps);
-            for (var i = 0u; i < size; i += 1u) {
-                let triangle = bvh_read_triangle(first + i);
-                let hit = triangle_intersect_sheared(
-                    shear,
-                    ray.t_min,
-                    best.t,
-                    triangle.a,
-                    triangle.b,
-                    triangle.c,
-                );
-                if hit.hit != 0u && (hit.t < best.t || triangle.primitive < best.primitive) {
-                    best = BvhHit(hit.t, hit.u, hit.v, triangle.primitive);
-                    if any_hit {
-                        return best;
-                    }
-                }
-            }
-            steps += size;
-        } else if first > index {
-            let left = bvh_read_node(first);
-            let right = bvh_read_node(first + 1u);
-            let left_near = bvh_enter(left, shear, ray.t_min, best.t);
-            let right_near = bvh_enter(right, shear, ray.t_min, best.t);
-            let both = left_near >= 0.0 && right_near >= 0.0;
-            let go_right = select(right_near >= 0.0, right_near < left_near, both);
-            down = left_near >= 0.0 || right_near >= 0.0;
-            if both && depth < BVH_STACK {
-                stack_node[depth] = select(first + 1u, first, go_right);
-                stack_near[depth] = select(right_near, left_near, go_right);
-                depth += 1u;
-            }
-            if down {
-                index = select(first, first + 1u, go_right);
-                first = select(left.first, right.first, go_right);
-                count = select(left.count, right.count, go_right);
+        var next = 0u;
+        var postponed = 0u;
+        if near_enter >= 0.0 {
+            if near.count > 0u {
+                best = bvh_leaf(near, shear, ray.t_min, any_hit, best);
+                steps += min(near.count, BVH_STEPS);
+            } else if near.first > pair {
+                next = near.first;
             }
         }
-        if !down {
-            var found = false;
-            while depth > 0u && !found {
-                depth -= 1u;
-                found = stack_near[depth] <= best.t;
+        if far_enter >= 0.0 && far_enter <= best.t {
+            if far.count > 0u {
+                best = bvh_leaf(far, shear, ray.t_min, any_hit, best);
+                steps += min(far.count, BVH_STEPS);
+            } else if far.first > pair {
+                postponed = far.first;
             }
-            if !found {
-                return best;
-            }
-            index = stack_node[depth];
-            let next = bvh_read_node(index);
-            first = next.first;
-            count = next.count;
         }
+        if any_hit && best.primitive != BVH_MISS {
+            return best;
+        }
+        if next == 0u {
+            next = postponed;
+        } else if postponed != 0u && depth < BVH_STACK {
+            stack_node[depth] = postponed;
+            stack_enter[depth] = far_enter;
+            depth += 1u;
+        }
+        while next == 0u && depth > 0u {
+            depth -= 1u;
+            if stack_enter[depth] <= best.t {
+                next = stack_node[depth];
+            }
+        }
+        pair = next;
     }
     return best;
 }

@@ -104,9 +104,15 @@ fn triangle_intersect_sheared(
         return TriangleHit(0u, 0.0, 0.0, 0.0);
     }
 
-    // The plane's equation, kept inside that interval: of a needle the normal
-    // is mostly rounding. It comes from the two shorter edges, since the
-    // product of two long, nearly parallel ones cancels.
+    let area = (ea + eb) + ec;
+    let divisor = select(area, 1.0, area == 0.0);
+    let u = min(max(eb / divisor, 0.0), 1.0);
+    let v = min(max(ec / divisor, 0.0), 1.0);
+
+    // The plane's equation, kept inside the box's interval. The normal comes
+    // from the two shorter edges, since the product of two long, nearly
+    // parallel ones cancels, and the plane's point from the weights: next to
+    // the hit a wrong normal, as a needle has, does little harm.
     let ab = b - a;
     let bc = c - b;
     let ca = a - c;
@@ -117,26 +123,22 @@ fn triangle_intersect_sheared(
     let long_ab = length_ab >= length_bc;
     let first = select(select(ca, bc, long_ab), ab, long_ca);
     let second = select(select(ab, ca, long_ab), bc, long_ca);
-    let corner = select(select(la, lc, long_ab), lb, long_ca);
     let normal = vec3_cross(first, second);
-    let numerator = vec3_dot(normal, corner);
+    let point = vec3f(
+        (la.x + ab.x * u) - ca.x * v,
+        (la.y + ab.y * u) - ca.y * v,
+        (la.z + ab.z * u) - ca.z * v,
+    );
+    let numerator = vec3_dot(normal, point);
     let denominator = vec3_dot(normal, shear.direction);
     let divides = plane_divides(numerator, denominator);
     let plane = numerator / select(1.0, denominator, divides);
-    let far = select(slab.x, plane, divides);
-    let t = max(min(far, slab.y), slab.x);
+    let along = select(slab.x, plane, divides);
+    let t = max(min(along, slab.y), slab.x);
     if t < t_min || t > t_max {
         return TriangleHit(0u, 0.0, 0.0, 0.0);
     }
-
-    let area = (ea + eb) + ec;
-    let divisor = select(area, 1.0, area == 0.0);
-    return TriangleHit(
-        1u,
-        t,
-        min(max(eb / divisor, 0.0), 1.0),
-        min(max(ec / divisor, 0.0), 1.0),
-    );
+    return TriangleHit(1u, t, u, v);
 }
 
 // Ray against triangle without gaps: a ray through a closed mesh meets it,
