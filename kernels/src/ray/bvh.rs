@@ -183,14 +183,12 @@ fn raytwin_float(at: u32) -> f32 {
         )
         // As for a single triangle: distance over size and tilt.
         .scale_by(|(o, d, _, _): WideRay| {
-            let far = o.abs().max_element() + 4.0;
-            let shape = first((o, d, 0.0, f64::MAX))
-                .map_or(1.0, |l| l.shape)
-                .max(0.02);
-            (far / shape).max(far / d.length() / shape)
+            let (t, shape) = first((o, d, 0.0, f64::MAX)).map_or((0.0, 1.0), |l| (l.t, l.shape));
+            let far = (o.length() + 5.0).max(t * d.length());
+            far / shape.max(0.02) / d.length().min(1.0)
         })
         .undecided(undecided)
-        .few_ulp(2.75, 18.0)
+        .few_ulp(2.5, 18.0)
         .by_analysis(WHY)
         .hard(hard)
         .fixture(FIXTURE, words.to_vec())

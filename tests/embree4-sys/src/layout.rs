@@ -32,7 +32,7 @@ macro_rules! constants {
     ($(#[$doc:meta])* $name:ident { $($constant:ident = $value:expr),* $(,)? }) => {
         $(#[$doc])*
         #[repr(transparent)]
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub struct $name(pub u32);
         impl $name {
             $(
@@ -91,6 +91,19 @@ constants!(
     RTCFeatureFlags { NONE = 0, ALL = 0xffff_ffff }
 );
 
+// The wrapper takes these defaults for "leave the scene as it is".
+impl Default for RTCBuildQuality {
+    fn default() -> Self {
+        Self::MEDIUM
+    }
+}
+
+impl Default for RTCSceneFlags {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 /// No geometry: a miss.
 pub const RTC_INVALID_GEOMETRY_ID: u32 = 0xffff_ffff;
 
@@ -111,7 +124,7 @@ pub struct RTCBounds {
 
 /// One ray.
 #[repr(C, align(16))]
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)]
 pub struct RTCRay {
     pub org_x: f32,
@@ -126,6 +139,26 @@ pub struct RTCRay {
     pub mask: u32,
     pub id: u32,
     pub flags: u32,
+}
+
+impl Default for RTCRay {
+    /// A ray without end that every geometry's mask lets through.
+    fn default() -> Self {
+        Self {
+            org_x: 0.0,
+            org_y: 0.0,
+            org_z: 0.0,
+            tnear: 0.0,
+            dir_x: 0.0,
+            dir_y: 0.0,
+            dir_z: 0.0,
+            time: 0.0,
+            tfar: f32::INFINITY,
+            mask: u32::MAX,
+            id: 0,
+            flags: 0,
+        }
+    }
 }
 
 /// What one ray hit. The library's own structure goes on with an
