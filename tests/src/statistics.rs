@@ -5,7 +5,7 @@
 //! method), its logarithm by Stirling's series (6.1.41); Šidák 1967 for many
 //! tests at once.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// `ln Γ(x)` for `x > 0`, to about 1e-14 relative.
 #[must_use]
@@ -250,7 +250,7 @@ pub fn equal_area_grid(farthest: f64, side: usize) -> (f64, impl Iterator<Item =
         let height = 0.5 * (x * x + y * y);
         // sin θ / radius = √(1 - height/2).
         let scale = (1.0 - 0.5 * height).max(0.0).sqrt();
-        (height <= 2.0).then(|| [x * scale, y * scale, 1.0 - height])
+        (height <= 2.0).then_some([x * scale, y * scale, 1.0 - height])
     });
     (step * step, points)
 }
@@ -264,31 +264,36 @@ pub fn mean_variance(values: &[f32]) -> (f64, f64) {
     (mean, square.sum::<f64>() / n)
 }
 
-/// Pearson's correlation of pairs.
+/// Pearson's correlation of numbers in `[0, 1)`, given as rows of pairs.
 #[must_use]
-pub fn pearson(pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
-    let mut sums = [0.0f64; 6];
-    for (a, b) in pairs {
-        // Centred on the middle of [0, 1), so that the sums do not cancel.
-        let (a, b) = (f64::from(a) - 0.5, f64::from(b) - 0.5);
-        for (sum, term) in sums.iter_mut().zip([1.0, a, b, a * a, b * b, a * b]) {
-            *sum += term;
+pub fn pearson<'a>(rows: impl Iterator<Item = (&'a [f32], &'a [f32])>) -> f64 {
+    let (mut n, mut sa, mut sb) = (0.0, 0.0, 0.0);
+    let (mut saa, mut sbb, mut sab) = (0.0, 0.0, 0.0);
+    for (row_a, row_b) in rows {
+        let count = row_a.len().min(row_b.len());
+        n += count as f64;
+        for i in 0..count {
+            // Centred on the middle, so that the sums do not cancel.
+            let (a, b) = (f64::from(row_a[i]) - 0.5, f64::from(row_b[i]) - 0.5);
+            sa += a;
+            sb += b;
+            saa += a * a;
+            sbb += b * b;
+            sab += a * b;
         }
     }
-    let [n, a, b, aa, bb, ab] = sums;
-    (n * ab - a * b) / ((n * aa - a * a) * (n * bb - b * b)).sqrt()
-}
-
-/// Integral over the sphere of a density, from [`equal_area_grid`]: for tests.
-#[must_use]
-pub fn sphere_integral(density: impl Fn([f64; 3]) -> f64) -> f64 {
-    let (area, points) = equal_area_grid(2.0, 512);
-    points.map(|d| density(d) * area).sum()
+    (n * sab - sa * sb) / ((n * saa - sa * sa) * (n * sbb - sb * sb)).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
+
+    fn sphere_integral(density: impl Fn([f64; 3]) -> f64) -> f64 {
+        let (area, points) = equal_area_grid(2.0, 512);
+        points.map(|d| density(d) * area).sum()
+    }
 
     #[test]
     fn gamma_at_integers_and_halves() {
@@ -409,11 +414,16 @@ mod tests {
 
     #[test]
     fn correlation_of_known_pairs() {
-        let line = (0..100).map(|i| i as f32 / 100.0);
-        assert!((pearson(line.clone().map(|a| (a, a))) - 1.0).abs() < 1e-12);
-        assert!((pearson(line.map(|a| (a, 1.0 - a))) + 1.0).abs() < 1e-6);
-        let square = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
-        assert!(pearson(square.into_iter()).abs() < 1e-15);
+        let line: Vec<f32> = (0..100).map(|i| i as f32 / 100.0).collect();
+        let back: Vec<f32> = line.iter().map(|a| 1.0 - a).collect();
+        assert!((pearson([(&line[..], &line[..])].into_iter()) - 1.0).abs() < 1e-12);
+        assert!((pearson([(&line[..], &back[..])].into_iter()) + 1.0).abs() < 1e-6);
+        // The four corners of a square, in two rows of unequal ends.
+        let rows = [
+            (&[0.0, 0.0][..], &[0.0, 1.0, 0.7][..]),
+            (&[1.0, 1.0][..], &[0.0, 1.0][..]),
+        ];
+        assert!(pearson(rows.into_iter()).abs() < 1e-15);
         assert_eq!(mean_variance(&[0.0, 1.0]), (0.5, 0.25));
     }
 

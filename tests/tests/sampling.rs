@@ -146,6 +146,15 @@ fn f32_words(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u32>
     values.into_iter().map(|v| (v as f32).to_bits())
 }
 
+/// A point's two or three components, the third 0 if there is none.
+fn components(words: &[u32]) -> [f64; 3] {
+    let mut p = [0.0; 3];
+    for (p, &word) in p.iter_mut().zip(words) {
+        *p = float(word);
+    }
+    p
+}
+
 fn float(word: u32) -> f64 {
     f64::from(f32::from_bits(word))
 }
@@ -279,11 +288,16 @@ impl Shape {
 
     /// Argument lists: each point or pair, and the parameter behind it.
     fn arguments(self, words: impl IntoIterator<Item = u32>, each: usize) -> Vec<u32> {
-        let words: Vec<u32> = words.into_iter().collect();
+        let mut words: Vec<u32> = words.into_iter().collect();
+        if let Some(parameter) = self.parameter() {
+            let mut longer = Vec::with_capacity(words.len() / each * (each + 1));
+            for point in words.chunks_exact(each) {
+                longer.extend_from_slice(point);
+                longer.push(parameter);
+            }
+            words = longer;
+        }
         words
-            .chunks_exact(each)
-            .flat_map(|point| point.iter().copied().chain(self.parameter()))
-            .collect()
     }
 
     fn bins(self) -> Bins {
@@ -311,11 +325,11 @@ impl Shape {
 
     /// The first coordinate of a point: squared radius, cosine, or height in
     /// units of the cone's.
-    fn first(self, p: &[f64]) -> f64 {
+    fn first(self, p: [f64; 3]) -> f64 {
         match self {
             Self::Disk => p[0] * p[0] + p[1] * p[1],
             Self::Sphere => p[2],
-            Self::Cone(one_minus_cos) => height([p[0], p[1], p[2]]) / f64::from(one_minus_cos),
+            Self::Cone(one_minus_cos) => height(p) / f64::from(one_minus_cos),
         }
     }
 
@@ -383,7 +397,7 @@ fn density_test(
     let drawn = sample(&shape.arguments(random_pairs(SAMPLES, seed), 2));
     let mut observed = vec![0u64; bins.count()];
     for point in drawn.chunks_exact(words) {
-        let p: Vec<f64> = point.iter().map(|&w| float(w)).collect();
+        let p = components(point);
         let length = p.iter().map(|v| v * v).sum::<f64>().sqrt();
         let off = if shape == Shape::Disk {
             (length - 1.0).max(0.0)
@@ -396,7 +410,7 @@ fn density_test(
         }
         // A sample may round over the rim by what its density allows for.
         let bin = bins
-            .index(shape.first(&p), turn_of(p[0], p[1]), 1.0 / 524_288.0)
+            .index(shape.first(p), turn_of(p[0], p[1]), 1.0 / 524_288.0)
             .ok_or_else(|| format!("{p:?} lies outside of the shape"))?;
         observed[bin] += 1;
     }
@@ -530,7 +544,7 @@ impl InverseBound {
         }
     }
 
-    fn at(&self, u: [f64; 2], p: &[f64]) -> [f64; 2] {
+    fn at(&self, u: [f64; 2], p: [f64; 3]) -> [f64; 2] {
         // Second-order terms are below this.
         const REST: f64 = 1e-3 * EPS;
         let first = match self.kind {
@@ -590,11 +604,11 @@ fn round_trip(
     {
         let u = [float(u[0]), float(u[1])];
         let v = [float(v[0]), float(v[1])];
-        let p: Vec<f64> = p.iter().map(|&w| float(w)).collect();
+        let p = components(p);
         if !v.iter().all(|v| (0.0..1.0).contains(v)) {
             return Err(format!("{u:?} comes back as {v:?}, outside of [0, 1)"));
         }
-        let limit = bound.at(u, &p);
+        let limit = bound.at(u, p);
         let concentric = matches!(warp.inverse, Inverse::Concentric);
         let mut off = [(u[0] - v[0]).abs(), (u[1] - v[1]).abs()];
         if !concentric {
@@ -607,7 +621,7 @@ fn round_trip(
             };
         }
         for i in 0..2 {
-            if !(off[i] <= limit[i]) {
+            if off[i].is_nan() || off[i] > limit[i] {
                 return Err(format!(
                     "{u:?} -> {p:?} -> {v:?}: component {i} is off by {:.2}·2^-24, bound {:.2}",
                     off[i] / EPS,
@@ -698,7 +712,7 @@ fn basis_deviation(normals: &[u32], frames: &[u32], bound: f64) -> Result<[f64; 
         let allowed = [e + 0.5 * eta, 2.0 * e + eta, e + eta];
         for i in 0..3 {
             // Second-order terms are below the last one.
-            if !(found[i] <= allowed[i] + 1e-12) {
+            if found[i].is_nan() || found[i] > allowed[i] + 1e-12 {
                 return Err(format!(
                     "{n:?} gives {t:?}, {b:?}: {} is off by {:.2}·2^-24, bound {:.2}",
                     ["a length", "t·b", "t·n or b·n"][i],
@@ -918,11 +932,12 @@ fn halton_indices_permute_the_tile(twin: Twin) {
 fn permutes_the_lattice(values: impl Iterator<Item = f32>) -> Result<(), String> {
     let mut seen = vec![0u64; 1 << 18];
     for value in values {
-        let k = f64::from(value) / EPS;
-        if !(0.0..16_777_216.0).contains(&k) || k != k.trunc() {
+        let steps = value * 16_777_216.0;
+        let k = steps as u32;
+        if k >= 1 << 24 || k as f32 != steps {
             return Err(format!("{value:?} is no multiple of 2^-24 in [0, 1)"));
         }
-        let (word, bit) = (k as usize / 64, 1 << (k as u64 % 64));
+        let (word, bit) = (k as usize / 64, 1 << (k % 64));
         if seen[word] & bit != 0 {
             return Err(format!("{value:?} occurs twice"));
         }
@@ -975,9 +990,11 @@ fn rotation_permutes_the_unit_interval(twin: Twin) {
         let chunk = 1u32 << 22;
         let mut values = Vec::with_capacity(1 << 24);
         for start in (0..1 << 24).step_by(chunk as usize) {
-            let input: Vec<u32> = (start..start + chunk)
-                .flat_map(|k| [(k as f32 * EPS as f32).to_bits(), shift.to_bits()])
-                .collect();
+            let mut input = Vec::with_capacity(2 * chunk as usize);
+            for k in start..start + chunk {
+                input.push((k as f32 * EPS as f32).to_bits());
+                input.push(shift.to_bits());
+            }
             values.extend(run(&input));
         }
         permutes_the_lattice(values.into_iter().map(f32::from_bits))
@@ -1026,8 +1043,7 @@ const CORRELATION: f64 = 0.0025;
 
 fn uncorrelated_lags(values: &[f32]) -> Result<(), String> {
     for lag in 1..=8 {
-        let pairs = values.iter().zip(&values[lag..]).map(|(&a, &b)| (a, b));
-        let r = pearson(pairs);
+        let r = pearson([(values, &values[lag..])].into_iter());
         if r.abs() >= CORRELATION {
             return Err(format!("correlation {r:.5} at lag {lag}"));
         }
@@ -1058,9 +1074,10 @@ fn draws_are_uniform_and_uncorrelated(twin: Twin) {
 
 /// First draws of an image of 2048 × 2048 pixels in one frame.
 fn first_draws(seed: &Run, draw: &Run, frame: u32) -> Vec<f32> {
-    let pixels: Vec<u32> = (0..DRAWS as u32)
-        .flat_map(|p| [p % 2048, p / 2048, frame])
-        .collect();
+    let mut pixels = Vec::with_capacity(3 * DRAWS);
+    for p in 0..DRAWS as u32 {
+        pixels.extend_from_slice(&[p % 2048, p / 2048, frame]);
+    }
     let draws = draw(&seed(&pixels));
     draws.chunks_exact(2).map(|d| pcg_unit(d[1])).collect()
 }
@@ -1071,11 +1088,11 @@ fn uncorrelated_neighbours(image: &[f32], successor: &[f32]) -> Result<(), Strin
             if (dx, dy) == (0, 0) && what == "pixels" {
                 continue;
             }
-            let pairs = (0..2048 - dy).flat_map(|y| {
-                let (a, b) = (&image[y * 2048..], &other[(y + dy) * 2048 + dx..]);
-                a[..2048 - dx].iter().zip(b).map(|(&a, &b)| (a, b))
+            let rows = (0..2048 - dy).map(|y| {
+                let (a, b) = (&image[y * 2048..], &other[(y + dy) * 2048..]);
+                (&a[..2048 - dx], &b[dx..2048])
             });
-            let r = pearson(pairs);
+            let r = pearson(rows);
             if r.abs() >= CORRELATION {
                 return Err(format!("correlation {r:.5} of {what} at ({dx}, {dy})"));
             }
@@ -1098,12 +1115,24 @@ fn seeds_of_neighbours_are_uncorrelated(twin: Twin) {
 }
 
 /// Whether all words are distinct.
-fn distinct(mut words: Vec<u32>) -> Result<(), String> {
-    words.sort_unstable();
-    match words.windows(2).find(|w| w[0] == w[1]) {
-        Some(w) => Err(format!("{:#010x} occurs twice", w[0])),
-        None => Ok(()),
+fn distinct(words: &[u32]) -> Result<(), String> {
+    // By their top byte first, so that a set of the rest stays in the cache.
+    let mut buckets = vec![Vec::new(); 256];
+    for &word in words {
+        buckets[word as usize >> 24].push(word);
     }
+    for bucket in buckets {
+        let mut seen = vec![0u64; 1 << 18];
+        for word in bucket {
+            let place = word as usize & 0x00ff_ffff;
+            let bit = 1 << (place % 64);
+            if seen[place / 64] & bit != 0 {
+                return Err(format!("{word:#010x} occurs twice"));
+            }
+            seen[place / 64] |= bit;
+        }
+    }
+    Ok(())
 }
 
 /// On 2^24 of the 2^32 inputs, spread over all of them. All of them would
@@ -1119,7 +1148,7 @@ fn hashes_do_not_collide(twin: Twin) {
             .collect();
         words.extend(run(&input));
     }
-    distinct(words).unwrap_or_else(|e| panic!("{}: {e}", twin.label()));
+    distinct(&words).unwrap_or_else(|e| panic!("{}: {e}", twin.label()));
 }
 
 // ---------------------------------------------------------------- determinism
@@ -1212,8 +1241,14 @@ fn rejects_samples_outside_of_the_density() {
         let r = (h * (2.0 - h)).sqrt();
         vec![r * cos, r * sin, 1.0 - h]
     });
-    let why = density_test(Shape::Cone(0.1), &wide, &cpu("sample/cone::cone_pdf"), 1e-6)
-        .expect_err("a hundredth of the samples lie outside of the cone");
+    let why = density_test(
+        Shape::Cone(0.1),
+        &wide,
+        &cpu("sample/cone::cone_pdf"),
+        1,
+        1e-6,
+    )
+    .expect_err("a hundredth of the samples lie outside of the cone");
     assert!(why.contains("outside"), "{why}");
 }
 
@@ -1333,7 +1368,7 @@ fn rejects_bad_generators() {
     is_uniform(&narrow).expect_err("a mean of 0.4995");
     // All 32 bits over 2^32: 1.0 for the last 128 inputs, and equal neighbours.
     assert_eq!(u32::MAX as f32 / 4_294_967_296.0, 1.0);
-    distinct(vec![3, 1, 2, 1]).expect_err("1 occurs twice");
+    distinct(&[3, 1, 2, 1]).expect_err("1 occurs twice");
     let mut counts = HashMap::new();
     for bits in 0xffff_ff00..=u32::MAX {
         *counts.entry((bits as f32).to_bits()).or_insert(0) += 1;

@@ -12,6 +12,7 @@ mod spirv;
 use std::sync::OnceLock;
 use std::sync::mpsc;
 
+pub(crate) use program::shader_module;
 pub use program::{Build, Program, ProgramError, shader_source};
 
 /// Names of the environment variables that choose adapters and drivers.

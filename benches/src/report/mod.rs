@@ -1,0 +1,467 @@
+//! The speed-against-error report.
+//!
+//! [`run`] measures what [`Options`] ask for and writes a folder: `index.html`
+//! (self-contained), `report.json` ([`schema`]), and the pictures and plots as
+//! files. Kernels come from the registry, traversal engines from `bvh`,
+//! pictures and convergence from [`crate::stages`].
+
+mod bvh;
+mod error;
+pub mod kernels;
+mod machine;
+mod names;
+mod output;
+mod page;
+pub mod plot;
+mod plots;
+mod progress;
+pub mod schema;
+mod terminal;
+mod traversal;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use raytwin::contract::Kernel;
+use raytwin_tests::embree::{EmbreeError, EmbreeOptions, EmbreeScene};
+use raytwin_tests::gpu::{self, Gpu};
+use raytwin_tests::rays::families;
+use raytwin_tests::scene::{Scene, sponza_path};
+
+use crate::stages::{self, Backend, GpuStages, PIXELS_MAX, StageError, StageScene, StageSettings};
+
+pub use error::ReportError;
+
+use names::Only;
+use output::Output;
+use progress::Progress;
+use schema::{
+    ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, Report, Settings, SlopeRow,
+    StageRow,
+};
+use traversal::Traversal;
+
+/// What to measure and where to write.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The long run.
+    pub full: bool,
+    /// A mesh file in place of the kitchen, the toy room and Sponza.
+    pub scene: Option<PathBuf>,
+    /// Only what has this in its name.
+    pub only: Option<String>,
+    /// Leave out the GPU.
+    pub cpu_only: bool,
+    /// Leave out the CPU.
+    pub gpu_only: bool,
+    /// Pixels of the pictures.
+    pub size: Option<(u32, u32)>,
+    /// The folder.
+    pub out: PathBuf,
+}
+
+/// What a run gave.
+#[derive(Clone, Debug)]
+pub struct Written {
+    /// The numbers.
+    pub report: Report,
+    /// Where everything is.
+    pub folder: PathBuf,
+}
+
+/// A picture with its PNG.
+struct Shown {
+    row: PictureRow,
+    png: Vec<u8>,
+}
+
+/// A plot with its SVG.
+struct Drawn {
+    row: PlotRow,
+    svg: String,
+}
+
+/// Measures and writes the report, showing progress on standard error.
+///
+/// # Errors
+/// Bad input, before anything is measured or written: a scene that does not
+/// load, a size of zero, a filter without match, a folder that cannot be
+/// written to, no adapter. Later: a program that an adapter does not take.
+pub fn run(options: &Options) -> Result<Written, ReportError> {
+    let progress = Progress::new();
+    let result = Run::new(options, &progress).and_then(Run::measure);
+    progress.finish();
+    result
+}
+
+struct Run<'a> {
+    options: &'a Options,
+    progress: &'a Progress,
+    only: Only,
+    kernels: Vec<Kernel>,
+    scenes: Vec<Scene>,
+    meshes: Vec<Scene>,
+    gpus: Vec<&'static Gpu>,
+    stage_settings: StageSettings,
+    kernel_settings: kernels::KernelSettings,
+    bvh_settings: bvh::BvhSettings,
+    output: Output,
+    report: Report,
+}
+
+fn stage_entry(scene: &str, stage: &str) -> String {
+    format!("stages/{scene}/{stage}")
+}
+
+impl<'a> Run<'a> {
+    /// Checks everything that the caller gave before any work.
+    fn new(options: &'a Options, progress: &'a Progress) -> Result<Self, ReportError> {
+        let mut stage_settings = if options.full {
+            StageSettings::full()
+        } else {
+            StageSettings::quick()
+        };
+        if let Some((width, height)) = options.size {
+            let pixels = u64::from(width) * u64::from(height);
+            if pixels == 0 || pixels > PIXELS_MAX {
+                return Err(StageError::Size { width, height }.into());
+            }
+            (stage_settings.width, stage_settings.height) = (width, height);
+        }
+        let kernels: Vec<Kernel> = raytwin::registry()
+            .into_iter()
+            .flat_map(|t| t.kernels)
+            .collect();
+        let (scene_names, given) = match &options.scene {
+            Some(path) => {
+                let scene = Scene::load(path)?;
+                (vec![scene.name.clone()], Some(scene))
+            }
+            None => (vec!["kitchen".into(), "toy".into()], None),
+        };
+        let sponza = sponza_path().filter(|_| given.is_none());
+        let mut mesh_names = scene_names.clone();
+        mesh_names.extend(sponza.is_some().then(|| "sponza".into()));
+        mesh_names.extend(bvh::GENERATED.map(String::from));
+
+        let mut names: Vec<String> = kernels.iter().map(Kernel::path).collect();
+        for scene in &scene_names {
+            let stages = stages::Stage::ALL.map(|stage| stage_entry(scene, stage.name()));
+            names.extend(stages);
+        }
+        names.push(stage_entry(&scene_names[0], "convergence"));
+        names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
+        names.push("bvh/families".into());
+        let only = Only::new(options.only.as_deref(), &names)?;
+
+        let output = Output::prepare(&options.out)?;
+        let mut warnings = Vec::new();
+        let gpus = if options.cpu_only {
+            Vec::new()
+        } else {
+            gpu::adapters().map_err(ReportError::Gpu)?.iter().collect()
+        };
+
+        let load = |name: &str| -> Result<Scene, ReportError> {
+            Ok(match (&given, &sponza) {
+                (Some(scene), _) => scene.clone(),
+                (None, Some(path)) if name == "sponza" => Scene::load(path)?,
+                _ if name == "kitchen" => Scene::kitchen()?,
+                _ => Scene::toy_room(),
+            })
+        };
+        let mut scenes = Vec::new();
+        for name in &scene_names {
+            let stages = stages::Stage::ALL.map(|stage| stage_entry(name, stage.name()));
+            let convergence = stage_entry(name, "convergence");
+            if stages.iter().chain([&convergence]).any(|e| only.takes(e)) {
+                scenes.push(load(name)?);
+            }
+        }
+        let mut meshes = Vec::new();
+        for name in mesh_names {
+            if only.takes(&format!("bvh/{name}")) {
+                // The given scene comes first, whatever its name.
+                let is_given = given.is_some() && meshes.is_empty() && name == scene_names[0];
+                meshes.push(match bvh::generated(&name) {
+                    Some(scene) if !is_given => scene,
+                    _ => load(&name)?,
+                });
+            }
+        }
+
+        let embree = embree();
+        if let Some(mend) = &embree.mend {
+            warnings.push(format!(
+                "Embree was not found, so nothing here is compared with it. {mend}"
+            ));
+        }
+        if !options.cpu_only && gpus.iter().all(|g| g.is_software()) {
+            warnings.push(
+                "Every adapter here is a software driver: the processor runs the GPU's programs, \
+                 so their times say nothing about graphics hardware."
+                    .into(),
+            );
+        }
+        for warning in &warnings {
+            progress.warn(warning);
+        }
+        let (kernel_settings, bvh_settings) = if options.full {
+            (kernels::KernelSettings::full(), bvh::BvhSettings::full())
+        } else {
+            (kernels::KernelSettings::quick(), bvh::BvhSettings::quick())
+        };
+        let report = Report {
+            version: env!("CARGO_PKG_VERSION").into(),
+            schema: schema::SCHEMA,
+            date: machine::date(),
+            revision: machine::revision(),
+            machine: machine::machine(),
+            settings: Settings {
+                mode: if options.full { "full" } else { "quick" }.into(),
+                only: options.only.clone(),
+                scene: options.scene.as_ref().map(|p| p.display().to_string()),
+                cpu: !options.gpu_only,
+                gpu: !options.cpu_only,
+                kernel_inputs: kernel_settings.inputs,
+                timed_elements: kernel_settings.elements,
+                timed_runs: kernel_settings.runs,
+                rays: bvh_settings.rays,
+                ray_rounds: bvh_settings.rounds,
+                family_rays: bvh_settings.family_rays,
+                picture: [stage_settings.width, stage_settings.height],
+            },
+            adapters: gpus.iter().map(|g| machine::adapter(g)).collect(),
+            embree,
+            warnings,
+            ..Report::default()
+        };
+        Ok(Self {
+            options,
+            progress,
+            only,
+            kernels,
+            scenes,
+            meshes,
+            gpus,
+            stage_settings,
+            kernel_settings,
+            bvh_settings,
+            output,
+            report,
+        })
+    }
+
+    fn measure(mut self) -> Result<Written, ReportError> {
+        self.measure_kernels()?;
+        self.measure_bvh()?;
+        let pictures = self.measure_stages()?;
+        let plots = plots::all(&self.report)?;
+        let Self {
+            mut report,
+            output,
+            progress,
+            ..
+        } = self;
+        report.pictures = pictures.iter().map(|p| p.row.clone()).collect();
+        report.plots = plots.iter().map(|p| p.row.clone()).collect();
+        report.seconds = progress.seconds();
+        let mut files = BTreeMap::new();
+        for picture in &pictures {
+            files.insert(picture.row.file.clone(), picture.png.clone());
+        }
+        for plot in &plots {
+            files.insert(plot.row.file.clone(), plot.svg.clone().into_bytes());
+        }
+        report.files = files.keys().cloned().collect();
+        report
+            .files
+            .extend([output::PAGE, output::JSON].map(String::from));
+        let page = page::page(&report, &pictures, &plots);
+        files.insert(output::PAGE.into(), page.into_bytes());
+        files.insert(output::JSON.into(), serde_json::to_vec_pretty(&report)?);
+        let folder = output.write(&files)?;
+        Ok(Written { report, folder })
+    }
+
+    fn measure_kernels(&mut self) -> Result<(), ReportError> {
+        let chosen: Vec<&Kernel> = self
+            .kernels
+            .iter()
+            .filter(|k| self.only.takes(&k.path()))
+            .collect();
+        self.progress.part("kernels", chosen.len());
+        for kernel in chosen {
+            self.progress.step(&kernel.path());
+            self.report.kernels.push(kernels::measure(
+                kernel,
+                &self.kernel_settings,
+                !self.options.gpu_only,
+                &self.gpus,
+            )?);
+        }
+        Ok(())
+    }
+
+    fn measure_bvh(&mut self) -> Result<(), ReportError> {
+        let with_families = self.only.takes("bvh/families");
+        let families = if with_families {
+            families::all(self.bvh_settings.family_rays)
+        } else {
+            Vec::new()
+        };
+        if self.meshes.is_empty() && families.is_empty() {
+            return Ok(());
+        }
+        let traversals: Result<Vec<_>, _> = self.gpus.iter().map(|g| Traversal::new(g)).collect();
+        let engines = bvh::Engines {
+            cpu: !self.options.gpu_only,
+            embree: self.report.embree.found,
+            gpu: traversals?,
+        };
+        self.progress
+            .part("bvh", self.meshes.len() + families.len());
+        for mesh in &self.meshes {
+            self.progress.step(&format!("rays in {}", mesh.name));
+            let rows = bvh::measure(mesh, &self.bvh_settings, &engines)?;
+            self.report.bvh.extend(rows);
+        }
+        for family in &families {
+            self.progress.step(&format!("hard rays: {}", family.name));
+            let rows = bvh::measure_family(family, &engines)?;
+            self.report.families.extend(rows);
+        }
+        Ok(())
+    }
+
+    fn measure_stages(&mut self) -> Result<Vec<Shown>, ReportError> {
+        let compiled: Result<Vec<_>, _> = self.gpus.iter().map(|g| GpuStages::new(g)).collect();
+        let compiled = if self.scenes.is_empty() {
+            Vec::new()
+        } else {
+            compiled?
+        };
+        let mut backends = Vec::new();
+        if !self.options.gpu_only {
+            backends.push(Backend::Cpu);
+        }
+        backends.extend(compiled.iter().map(Backend::Gpu));
+        let mut shown = Vec::new();
+        let scenes = std::mem::take(&mut self.scenes);
+        self.progress.part("stages", scenes.len());
+        let progress = |what: &str| self.progress.step(what);
+        for scene in scenes {
+            let name = scene.name.clone();
+            let scene = StageScene::new(scene)?;
+            let wanted = |stage: stages::Stage| self.only.takes(&stage_entry(&name, stage.name()));
+            if stages::Stage::ALL.into_iter().any(wanted) {
+                let run = stages::run_stages(&scene, &self.stage_settings, &backends, &progress)?;
+                let rows = run.results.into_iter().filter(|r| wanted(r.stage));
+                self.report.stages.extend(rows.map(stage_row));
+                for picture in run.pictures {
+                    if picture.stage.is_none_or(wanted) {
+                        shown.push(show(picture)?);
+                    }
+                }
+            }
+            // Only the first scene: the sampler's slope is what counts, and it
+            // takes half of the time.
+            let first = self.report.convergence.is_empty();
+            if first && self.only.takes(&stage_entry(&name, "convergence")) {
+                let data = stages::convergence(&scene, &self.stage_settings, &backends, &progress)?;
+                add_convergence(&mut self.report, &name, data);
+            }
+        }
+        Ok(shown)
+    }
+}
+
+fn embree() -> EmbreeInfo {
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    match EmbreeScene::new(&corners, &[[0, 1, 2]], EmbreeOptions::default()) {
+        Ok(scene) => EmbreeInfo {
+            found: true,
+            version: Some(scene.version()),
+            mend: None,
+        },
+        Err(error) => EmbreeInfo {
+            found: false,
+            version: None,
+            mend: Some(match error {
+                // Without the list of places, which is long.
+                EmbreeError::Load(embree4_sys::LoadError::NotFound(_)) => format!(
+                    "Run `cargo xtask setup`, or set {} to the library's path.",
+                    embree4_sys::LIBRARY_VARIABLE
+                ),
+                other => format!("{other}."),
+            }),
+        },
+    }
+}
+
+fn stage_row(r: stages::StageResult) -> StageRow {
+    StageRow {
+        name: r.stage.name().into(),
+        scene: r.scene,
+        variant: r.variant,
+        backend: r.backend,
+        samples: r.samples,
+        ms: r.ms,
+        rays: r.rays,
+        rmse: r.rmse,
+        parity_rmse: r.parity_rmse,
+        differing: r.differing,
+        pixels: r.pixels,
+    }
+}
+
+fn show(picture: stages::Picture) -> Result<Shown, ReportError> {
+    Ok(Shown {
+        png: picture.image.to_png()?,
+        row: PictureRow {
+            file: format!("pictures/{}.png", picture.id),
+            scene: picture.scene,
+            stage: picture.stage.map(|s| s.name().into()),
+            variant: picture.variant,
+            backend: picture.backend,
+            difference: picture.is_difference,
+            caption: picture.caption,
+        },
+    })
+}
+
+fn add_convergence(report: &mut Report, scene: &str, data: stages::Convergence) {
+    report
+        .convergence
+        .extend(data.points.into_iter().map(|p| ConvergenceRow {
+            scene: scene.into(),
+            stage: p.stage.name().into(),
+            sampler: p.sampler.name().into(),
+            backend: p.backend,
+            samples: p.samples,
+            rmse: p.rmse,
+            ms: p.ms,
+            rays: p.rays,
+        }));
+    report
+        .slopes
+        .extend(data.slopes.into_iter().map(|s| SlopeRow {
+            scene: scene.into(),
+            stage: s.stage.name().into(),
+            sampler: s.sampler.name().into(),
+            backend: s.backend,
+            slope: s.slope,
+            at_one: s.at_one,
+        }));
+    report
+        .references
+        .extend(data.references.into_iter().map(|r| ReferenceRow {
+            scene: scene.into(),
+            stage: r.stage.name().into(),
+            samples: r.samples,
+            rmse: r.rmse,
+            pixels: r.pixels,
+        }));
+}
+
+pub use terminal::summary;

@@ -1,0 +1,428 @@
+//! What `report.json` holds. `docs/report.md` explains each field.
+//!
+//! A measured number that is not finite is `null` in JSON, hence the options.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Version of this layout; goes up when a field changes its meaning or goes.
+pub const SCHEMA: u32 = 1;
+
+/// The whole report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of raytwin.
+    pub version: String,
+    /// Version of this layout, [`SCHEMA`].
+    pub schema: u32,
+    /// When the run began, UTC, ISO 8601.
+    pub date: String,
+    /// Commit of the working tree, where git knows one.
+    pub revision: Option<String>,
+    /// What it ran on.
+    pub machine: Machine,
+    /// With which settings.
+    pub settings: Settings,
+    /// Adapters that were measured; empty with `--cpu`.
+    pub adapters: Vec<Adapter>,
+    /// Whether the peer was there.
+    pub embree: EmbreeInfo,
+    /// Things that a reader must know before the numbers.
+    pub warnings: Vec<String>,
+    /// One row a kernel.
+    pub kernels: Vec<KernelRow>,
+    /// One row a scene, stage, variant and backend.
+    pub stages: Vec<StageRow>,
+    /// One row a mesh and engine.
+    pub bvh: Vec<BvhRow>,
+    /// One row a hard family and engine.
+    pub families: Vec<FamilyRow>,
+    /// Error against samples and time.
+    pub convergence: Vec<ConvergenceRow>,
+    /// The lines through those points.
+    pub slopes: Vec<SlopeRow>,
+    /// What their errors are against.
+    pub references: Vec<ReferenceRow>,
+    /// Pictures beside the page.
+    pub pictures: Vec<PictureRow>,
+    /// Plots beside the page.
+    pub plots: Vec<PlotRow>,
+    /// Every file of the report, relative to its folder.
+    pub files: Vec<String>,
+    /// Seconds that the run took.
+    pub seconds: f64,
+}
+
+/// The computer.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Processor, as it names itself.
+    pub cpu: String,
+    /// Threads that the process may use.
+    pub threads: usize,
+    /// Operating system.
+    pub os: String,
+    /// Instruction set.
+    pub arch: String,
+}
+
+/// What was asked for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// `quick` or `full`.
+    pub mode: String,
+    /// The filter, if any.
+    pub only: Option<String>,
+    /// Scene file, if any.
+    pub scene: Option<String>,
+    /// Whether the CPU was measured.
+    pub cpu: bool,
+    /// Whether adapters were measured.
+    pub gpu: bool,
+    /// Random inputs behind each error.
+    pub kernel_inputs: usize,
+    /// Elements in a timed array.
+    pub timed_elements: usize,
+    /// Timed runs behind each CPU median.
+    pub timed_runs: usize,
+    /// Rays of each kind behind each rate.
+    pub rays: usize,
+    /// Rounds over all engines behind each rate.
+    pub ray_rounds: usize,
+    /// Rays of each hard family.
+    pub family_rays: usize,
+    /// Pixels of the pictures.
+    pub picture: [u32; 2],
+}
+
+/// One adapter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Adapter {
+    /// Name and driver, as other tables use it.
+    pub label: String,
+    /// Name.
+    pub name: String,
+    /// Driver.
+    pub driver: String,
+    /// Driver's version and more.
+    pub driver_info: String,
+    /// Kind of device.
+    pub device_type: String,
+    /// Graphics interface.
+    pub backend: String,
+    /// Whether the processor does the work.
+    pub software: bool,
+    /// Whether times come from the device's own clock.
+    pub timestamps: bool,
+    /// Whether the precise build runs here.
+    pub precise: bool,
+}
+
+/// The peer.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EmbreeInfo {
+    /// Whether it was found.
+    pub found: bool,
+    /// Its version.
+    pub version: Option<String>,
+    /// What to do where it was not.
+    pub mend: Option<String>,
+}
+
+/// One kernel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KernelRow {
+    /// Function, the same in Rust and WGSL.
+    pub name: String,
+    /// Technique, `group/name`.
+    pub module: String,
+    /// First part of that.
+    pub group: String,
+    /// `A` bit-exact, `B` a few ULP, `C` transcendental.
+    pub class: String,
+    /// Arguments and result as WGSL spells them.
+    pub signature: String,
+    /// Paper and equation.
+    pub source: String,
+    /// Nanoseconds a call of the CPU twin, one thread, the median; `null` with
+    /// `--gpu`.
+    pub cpu_ns: Option<f64>,
+    /// The same over the time of the calibration loop of the same runs.
+    pub cpu_ratio: Option<f64>,
+    /// Nanoseconds an element on the first adapter.
+    pub gpu_ns: Option<f64>,
+    /// Each adapter's numbers, by label.
+    pub adapters: BTreeMap<String, KernelOnAdapter>,
+    /// Largest error of the CPU twin against the truth.
+    pub cpu_err_ulp_max: Option<f64>,
+    /// Its mean.
+    pub cpu_err_ulp_mean: Option<f64>,
+    /// Its median.
+    pub cpu_err_ulp_median: Option<f64>,
+    /// Elements whose integer part is wrong.
+    pub cpu_wrong: usize,
+    /// Declared bound of the CPU twin.
+    pub cpu_bound: f64,
+    /// Largest error of the WGSL twin on any adapter.
+    pub gpu_err_ulp_max: Option<f64>,
+    /// Declared bound of the WGSL twin.
+    pub gpu_bound: f64,
+    /// Largest difference between the twins on any adapter, plain build.
+    pub parity_ulp_max: Option<f64>,
+    /// Its bound, the sum of the two.
+    pub parity_bound: f64,
+    /// Hard inputs.
+    pub hard_cases: HardCases,
+    /// Inputs behind the errors: random ones and the hard cases.
+    pub inputs: usize,
+    /// Of those, left out since a discrete part is within rounding.
+    pub undecided: usize,
+    /// Whether every measured error is within its bound.
+    pub within: bool,
+    /// Other ways to compute the same thing.
+    pub baselines: Vec<BaselineRow>,
+}
+
+/// Hard inputs of one kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HardCases {
+    /// How many there are.
+    pub tried: usize,
+    /// On how many every twin that ran is within its bound of the truth.
+    pub passed: usize,
+    /// How many were not compared.
+    pub undecided: usize,
+}
+
+/// A kernel on one adapter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KernelOnAdapter {
+    /// Nanoseconds an element, plain build.
+    pub ns: f64,
+    /// Largest error against the truth.
+    pub err_ulp_max: Option<f64>,
+    /// Its mean.
+    pub err_ulp_mean: Option<f64>,
+    /// Its median.
+    pub err_ulp_median: Option<f64>,
+    /// Elements whose integer part is wrong.
+    pub wrong: usize,
+    /// Largest difference to the CPU twin.
+    pub parity_ulp_max: Option<f64>,
+    /// Elements whose integer part differs from the CPU twin's.
+    pub parity_wrong: usize,
+    /// Elements whose bits differ from the CPU twin's in the precise build;
+    /// `null` where that does not run.
+    pub precise_differing: Option<usize>,
+    /// Whether all of it is within the bounds.
+    pub within: bool,
+}
+
+/// Another way to compute what a kernel computes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BaselineRow {
+    /// What it is.
+    pub name: String,
+    /// Nanoseconds a call on the CPU.
+    pub cpu_ns: Option<f64>,
+    /// Largest error on the CPU.
+    pub cpu_err_ulp_max: Option<f64>,
+    /// Its mean.
+    pub cpu_err_ulp_mean: Option<f64>,
+    /// Its median.
+    pub cpu_err_ulp_median: Option<f64>,
+    /// Elements whose integer part is wrong on the CPU.
+    pub cpu_wrong: usize,
+    /// Each adapter's numbers, by label.
+    pub adapters: BTreeMap<String, BaselineOnAdapter>,
+}
+
+/// A baseline on one adapter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BaselineOnAdapter {
+    /// Nanoseconds an element.
+    pub ns: f64,
+    /// Largest error against the truth.
+    pub err_ulp_max: Option<f64>,
+    /// Its mean.
+    pub err_ulp_mean: Option<f64>,
+    /// Its median.
+    pub err_ulp_median: Option<f64>,
+    /// Elements whose integer part is wrong.
+    pub wrong: usize,
+}
+
+/// One stage on one backend.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageRow {
+    /// Stage.
+    pub name: String,
+    /// Scene.
+    pub scene: String,
+    /// `1 spp`, `reference`, or `exact`.
+    pub variant: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Milliseconds for the picture.
+    pub ms: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Error against the CPU's reference; `null` for that itself.
+    pub rmse: Option<f64>,
+    /// Difference to the CPU's picture of the same samples.
+    pub parity_rmse: Option<f64>,
+    /// Pixels that differ from that.
+    pub differing: Option<usize>,
+    /// Pixels of the picture.
+    pub pixels: usize,
+}
+
+/// Millions of rays a second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rates {
+    /// Camera rays, closest hit.
+    pub primary: f64,
+    /// Rays towards the light, any hit.
+    pub shadow: f64,
+    /// Cosine-distributed rays, closest hit.
+    pub diffuse: f64,
+    /// Cosine-distributed rays of limited length, any hit.
+    pub ao: f64,
+}
+
+/// One engine on one mesh.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BvhRow {
+    /// Mesh.
+    pub mesh: String,
+    /// Its triangles.
+    pub triangles: usize,
+    /// Engine.
+    pub engine: String,
+    /// Milliseconds for the build, one thread; `null` where the engine takes
+    /// another one's tree.
+    pub build_ms: Option<f64>,
+    /// Rates, one thread on the CPU.
+    pub mrays: Rates,
+    /// The same over Embree default's of the same run.
+    pub to_embree: Option<Rates>,
+    /// Rays that were checked against the truth.
+    pub checked: usize,
+    /// Hits that it loses.
+    pub leaks: usize,
+    /// Hits that are none.
+    pub false_hits: usize,
+    /// Hits of another triangle at another distance than the truth.
+    pub disagreements: usize,
+    /// Hits of another triangle at the same distance; not an error.
+    pub ties: usize,
+}
+
+/// One engine on one hard family.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FamilyRow {
+    /// What the rays do.
+    pub family: String,
+    /// Engine.
+    pub engine: String,
+    /// How many rays.
+    pub rays: usize,
+    /// Hits that it loses.
+    pub leaks: usize,
+    /// Hits that are none.
+    pub false_hits: usize,
+    /// Hits of another triangle at another distance than the truth.
+    pub disagreements: usize,
+    /// Hits of another triangle at the same distance; not an error.
+    pub ties: usize,
+}
+
+/// One point of a convergence plot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ConvergenceRow {
+    /// Scene.
+    pub scene: String,
+    /// Stage.
+    pub stage: String,
+    /// Source of random numbers.
+    pub sampler: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Error against the reference.
+    pub rmse: f64,
+    /// Milliseconds for the picture.
+    pub ms: f64,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+/// The line through a sampler's points.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SlopeRow {
+    /// Scene.
+    pub scene: String,
+    /// Stage.
+    pub stage: String,
+    /// Source of random numbers.
+    pub sampler: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// Exponent of the error in the number of samples.
+    pub slope: f64,
+    /// Error at one sample according to the line.
+    pub at_one: f64,
+}
+
+/// A converged picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceRow {
+    /// Scene.
+    pub scene: String,
+    /// Stage.
+    pub stage: String,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Estimate of its own error.
+    pub rmse: f64,
+    /// Pixels that count.
+    pub pixels: usize,
+}
+
+/// A picture file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PictureRow {
+    /// Its path in the report's folder.
+    pub file: String,
+    /// Scene.
+    pub scene: String,
+    /// Stage; `null` for all together.
+    pub stage: Option<String>,
+    /// Variant, or the sampler's name.
+    pub variant: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// Whether it shows a difference.
+    pub difference: bool,
+    /// What one sees.
+    pub caption: String,
+}
+
+/// A plot file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PlotRow {
+    /// Its path in the report's folder.
+    pub file: String,
+    /// What it shows.
+    pub title: String,
+}
+
+/// `None` for what JSON cannot say.
+#[must_use]
+pub fn finite(x: f64) -> Option<f64> {
+    x.is_finite().then_some(x)
+}
