@@ -619,7 +619,7 @@ pub enum Cause {
     Edge,
     /// Lost: through a vertex, within rounding.
     Vertex,
-    /// The triangle's shortest height is below a thousandth of its longest
+    /// The triangle's shortest height is below a hundredth of its longest
     /// edge, in space or as the ray sees it.
     Sliver,
     /// The triangle spans a volume below 1e-17 with the direction: products
@@ -991,7 +991,7 @@ impl Judge<'_> {
         let length = d.length();
         let odd_length = !(1e-3..1e3).contains(&length);
         let grazing = seen.slope < 1e-3;
-        let sliver = seen.aspect > 1e3;
+        let sliver = seen.aspect.max(seen.seen_aspect) > 1e2;
         let far = o.abs().max_element() > 1e3 * truth.t * length;
         let vertex = [a, b, c]
             .map(|p| edge_distance(o, d, p, p))
@@ -1076,7 +1076,7 @@ impl Judge<'_> {
         let single = self.subject.indices[hit.primitive as usize]
             .map(|i| self.subject.positions[i as usize]);
         let crossed = reference_triangle(ray, single[0], single[1], single[2]);
-        let odd = if seen.aspect > 1e3 {
+        let odd = if seen.aspect.max(seen.seen_aspect) > 1e2 {
             Cause::Sliver
         } else if seen.volume < 1e-17 {
             Cause::Underflow
@@ -1098,7 +1098,13 @@ impl Judge<'_> {
         }
         let t = f64::from(hit.t);
         // t itself has half a unit of rounding.
-        let t_error = point_distance(o + d * t, corners);
+        let point = o + d * t;
+        let mut t_error = point_distance(point, corners);
+        if seen.aspect < 1e3 && t_error <= seen.along * d.length() {
+            // Met flatly, the point leaves the triangle within its plane.
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            t_error = t_error.min((point - a).dot(normal).abs());
+        }
         if t_error > seen.tolerance * seen.aspect.max(1.0) {
             return Verdict::TOff(odd);
         }

@@ -22,3 +22,27 @@ pub mod statistics;
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 pub struct Readme;
+
+/// The pages' Rust code compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/math/exponent.md")]
+#[doc = include_str!("../../docs/math/luminance.md")]
+#[doc = include_str!("../../docs/math/octahedral.md")]
+#[doc = include_str!("../../docs/math/sanitize.md")]
+#[doc = include_str!("../../docs/math/trig.md")]
+#[doc = include_str!("../../docs/math/vector.md")]
+#[doc = include_str!("../../docs/random/halton.md")]
+#[doc = include_str!("../../docs/random/pcg.md")]
+#[doc = include_str!("../../docs/ray/aabb.md")]
+#[doc = include_str!("../../docs/ray/bvh.md")]
+#[doc = include_str!("../../docs/ray/camera.md")]
+#[doc = include_str!("../../docs/ray/plane.md")]
+#[doc = include_str!("../../docs/ray/ray.md")]
+#[doc = include_str!("../../docs/ray/sphere.md")]
+#[doc = include_str!("../../docs/ray/triangle.md")]
+#[doc = include_str!("../../docs/sample/basis.md")]
+#[doc = include_str!("../../docs/sample/cone.md")]
+#[doc = include_str!("../../docs/sample/disk.md")]
+#[doc = include_str!("../../docs/sample/hemisphere.md")]
+#[doc = include_str!("../../docs/sample/sphere.md")]
+pub struct Pages;

@@ -17,9 +17,10 @@ use raytwin_tests::crosscheck::{
     compare,
 };
 use raytwin_tests::gpu::{Build, adapters};
-use raytwin_tests::rays::families::{Expectation, all};
+use raytwin_tests::rays::families::{Expectation, Family, all, ray};
 use raytwin_tests::rays::meshes::{
-    Mesh, displaced_sphere, lattice_cube, room, sliver_sphere, straight_hall, terrain, tilted_hall,
+    Mesh, Random, displaced_sphere, lattice_cube, room, sliver_sphere, straight_hall, terrain,
+    tilted_hall,
 };
 use raytwin_tests::scene::{Scene, kitchen, sponza_path, toy_room};
 
@@ -115,13 +116,45 @@ fn run(subject: &Subject, set: &RaySet) -> Vec<(String, Counts, bool)> {
         .collect()
 }
 
+/// From inside a finely divided cube at points of its lattice edges, far away
+/// compared with a square: the triangles' boxes end at the very edges that the
+/// rays are aimed at, and have no thickness, so only the slab test's own margin
+/// keeps them.
+fn across_a_lattice(n: usize) -> Vec<Family> {
+    [(64, Vec3::ZERO), (256, Vec3::new(0.3, -0.7, 0.1))]
+        .into_iter()
+        .map(|(size, offset)| {
+            let mesh = lattice_cube(size).placed(1.0, offset);
+            let mut random = Random::new(31);
+            let rays = (0..n)
+                .map(|_| {
+                    let half = 0.45 * size as f32;
+                    let mut part = || half * random.signed();
+                    let origin = Vec3::new(part(), part(), part());
+                    let c = mesh.corners(random.below(mesh.indices.len()));
+                    let k = random.below(3);
+                    let target = c[k] + (c[(k + 1) % 3] - c[k]) * random.unit();
+                    ray(origin, target - origin)
+                })
+                .collect();
+            Family {
+                name: format!("edges across a cube of {size} squares"),
+                mesh,
+                rays,
+                expect: Expectation::MustHit,
+            }
+        })
+        .collect()
+}
+
 #[test]
 fn hard_set_leaks_nothing() {
     let mut faults = Vec::new();
     let mut sums: Vec<(String, Counts)> = Vec::new();
     let mut controls: Vec<(String, String, usize, usize)> = Vec::new();
     println!("{HEADER}");
-    for family in all(number(1_000, 20_000)) {
+    let n = number(1_000, 20_000);
+    for family in all(n).into_iter().chain(across_a_lattice(n)) {
         let subject = subject(&family.name, &family.mesh);
         let mut set = RaySet::new(&subject, family.rays).must_hit(&subject);
         if family.expect == Expectation::MustHitAgain {
@@ -346,15 +379,18 @@ fn sheet() -> Subject {
 const LONG_LEAF: &str = "a leaf of four thousand million triangles";
 const LONG_WALK: &str = "as many paths as 2^200";
 
+/// A name, a broken tree, and whether a fault is the right one.
+type Broken = (&'static str, Bvh, fn(&BvhFault) -> bool);
+
 /// Broken trees, each with the fault that validation must name.
-fn broken() -> Vec<(&'static str, Bvh, fn(&BvhFault) -> bool)> {
+fn broken() -> Vec<Broken> {
     let good = sheet().bvh;
     let inner: Vec<usize> = (0..good.nodes.len())
         .filter(|&i| good.nodes[i].count == 0)
         .collect();
     let leaf = good.nodes.iter().position(|n| n.count > 0).expect("a leaf");
     let last = *inner.last().expect("an inner node");
-    let mut out: Vec<(&'static str, Bvh, fn(&BvhFault) -> bool)> = Vec::new();
+    let mut out: Vec<Broken> = Vec::new();
     let mut edit = |name, change: &dyn Fn(&mut Bvh), fault| {
         let mut bvh = good.clone();
         change(&mut bvh);
@@ -602,7 +638,7 @@ fn every_kind_of_error_is_counted() {
     assert!(behind.t_off > 95, "{behind:?}");
     let other = count(|i, a| a.hit.as_mut().expect("a hit").primitive = i as u32);
     assert!(other.false_hits > 90, "{other:?}");
-    assert_eq!(other.unexplained, other.false_hits);
+    assert!(other.unexplained > 90, "{other:?}");
     let weights = count(|_, a| {
         a.hit
             .as_mut()

@@ -187,7 +187,12 @@ mod tests {
         let names: Vec<_> = all.iter().map(|m| m.name).collect();
         assert_eq!(
             names,
-            ["math/trig", "sample/disk", "sample/hemisphere", "sample/cone"]
+            [
+                "math/trig",
+                "sample/disk",
+                "sample/hemisphere",
+                "sample/cone"
+            ]
         );
     }
 

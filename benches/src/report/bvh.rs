@@ -46,10 +46,10 @@ impl BvhSettings {
     #[must_use]
     pub fn quick() -> Self {
         Self {
-            rays: 1 << 15,
-            rounds: 5,
-            checked: 1 << 13,
-            family_rays: 2_000,
+            rays: 1 << 14,
+            rounds: 3,
+            checked: 1 << 12,
+            family_rays: 1_000,
         }
     }
 
