@@ -2,7 +2,7 @@
 //!
 //! - [`gpu`] runs any kernel on any adapter, from its description alone.
 //! - [`measure`] says how far results are from the truth and from each other.
-//! - [`derive`] and [`interval`] say how far WGSL lets them be.
+//! - [`mod@derive`] and [`interval`] say how far WGSL lets them be.
 //! - [`rays`] has the exact intersector, the generated meshes and the hard
 //!   rays; [`embree`] the peer.
 //! - [`scene`] loads meshes.

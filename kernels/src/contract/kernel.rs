@@ -80,7 +80,7 @@ pub struct Baseline {
     pub name: &'static str,
     /// WGSL source of a function `baseline` with the kernel's signature.
     pub wgsl: &'static str,
-    /// Its CPU counterpart over whole arrays, as in [`Kernel::cpu`].
+    /// Its CPU counterpart over whole arrays, as in [`Kernel::run_cpu`].
     pub cpu: Batch,
 }
 
