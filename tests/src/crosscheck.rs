@@ -991,7 +991,7 @@ impl Judge<'_> {
         let length = d.length();
         let odd_length = !(1e-3..1e3).contains(&length);
         let grazing = seen.slope < 1e-3;
-        let sliver = seen.aspect.max(seen.seen_aspect) > 1e2;
+        let sliver = seen.aspect > 1e2 || (seen.seen_aspect > 1e2 && !grazing);
         let far = o.abs().max_element() > 1e3 * truth.t * length;
         let vertex = [a, b, c]
             .map(|p| edge_distance(o, d, p, p))
