@@ -38,9 +38,10 @@ fn techniques(folder: &str, extension: &str) -> BTreeSet<String> {
             let Some(stem) = name.strip_suffix(extension) else {
                 continue;
             };
-            // `bvh.bindings.wgsl` and `bvh_build.rs` belong to `bvh`.
+            // `bvh.bindings.wgsl` and `bvh_build.rs` belong to `bvh`; the page on
+            // Embree belongs to the whole group.
             let part = stem.contains('.') || stem.ends_with("_build");
-            if !part && !["mod", "README"].contains(&stem) {
+            if !part && !["mod", "README", "embree"].contains(&stem) {
                 found.insert(format!("{group_name}/{stem}"));
             }
         }
