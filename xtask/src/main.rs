@@ -82,7 +82,12 @@ fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
             Err(error) => eprintln!("warning: the report will lack Embree: {error}"),
         }
         match vulkan::ensure(root) {
-            Ok(vulkan) => Environment::new(root, vulkan),
+            Ok(mut vulkan) => {
+                if !given("--full") && vulkan.leave_out_swiftshader() {
+                    println!("SwiftShader would double the quick report's time; --full has it");
+                }
+                Environment::new(root, vulkan)
+            }
             Err(_) if given("--cpu") => Environment::bare(root),
             Err(error) => return Err(Failure::Setup(error.to_string())),
         }

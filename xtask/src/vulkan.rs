@@ -10,6 +10,18 @@ pub struct Vulkan {
     pub variables: Vec<(String, String)>,
 }
 
+impl Vulkan {
+    /// Leaves the extra driver out; whether there was one.
+    pub fn leave_out_swiftshader(&mut self) -> bool {
+        let before = self.variables.len();
+        self.variables.retain(|(name, _)| name != EXTRA_DRIVERS);
+        self.variables.len() < before
+    }
+}
+
+/// The loader's variable for drivers beside the system's.
+const EXTRA_DRIVERS: &str = "VK_ADD_DRIVER_FILES";
+
 /// Why there is no driver.
 #[derive(Debug)]
 pub enum VulkanError {
@@ -62,7 +74,7 @@ pub fn ensure(root: &Path) -> Result<Vulkan, VulkanError> {
             variables.push(("XDG_RUNTIME_DIR".into(), folder.display().to_string()));
         }
         if let Some(manifest) = swiftshader(root)? {
-            variables.push(("VK_ADD_DRIVER_FILES".into(), manifest.display().to_string()));
+            variables.push((EXTRA_DRIVERS.into(), manifest.display().to_string()));
         }
     }
     Ok(Vulkan { variables })
