@@ -153,6 +153,10 @@ impl EmbreeScene {
             let start = Instant::now();
             let geometry = (embree.rtcNewGeometry)(device, RTCGeometryType::TRIANGLE);
             this.check("creating a geometry")?;
+            // The scene owns it from here on, whatever fails.
+            (embree.rtcAttachGeometry)(scene, geometry);
+            (embree.rtcReleaseGeometry)(geometry);
+            this.check("attaching a geometry")?;
             let vertices = (embree.rtcSetNewGeometryBuffer)(
                 geometry,
                 RTCBufferType::VERTEX,
@@ -181,9 +185,6 @@ impl EmbreeScene {
                     .copy_from_nonoverlapping(indices.as_ptr(), indices.len());
             }
             (embree.rtcCommitGeometry)(geometry);
-            (embree.rtcAttachGeometry)(scene, geometry);
-            // The scene holds it from here on.
-            (embree.rtcReleaseGeometry)(geometry);
             (embree.rtcCommitScene)(scene);
             this.build = start.elapsed();
             this.check("building")?;

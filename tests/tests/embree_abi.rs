@@ -1,11 +1,17 @@
 //! Our declarations of Embree are those of the library that is loaded.
 
+use std::ffi::c_int;
+use std::mem::{MaybeUninit, align_of, offset_of, size_of, size_of_val};
+
 use embree4_rs::geometry::TriangleMeshGeometry;
 use embree4_rs::{CommittedScene, Device, Scene, SceneOptions};
 use embree4_sys::{
-    INST_PRIM_ID_OFFSET, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCRay, RTCRayHit, RTCSceneFlags,
+    INST_PRIM_ID_OFFSET, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCDeviceProperty, RTCHit,
+    RTCRay, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16,
+    RTCSceneFlags,
 };
-use raytwin_tests::embree::{EmbreeOptions, EmbreeRay, EmbreeScene};
+use raytwin_tests::embree::{EmbreeHit, EmbreeOptions, EmbreeRay, EmbreeScene};
+use raytwin_tests::rays::meshes::{Random, displaced_sphere};
 
 // Two triangles of a square at z = 0.
 const POSITIONS: [[f32; 3]; 4] = [
@@ -35,6 +41,11 @@ fn raw(x: f32, y: f32) -> RTCRay {
         mask: u32::MAX,
         ..Default::default()
     }
+}
+
+/// A scene, or a failure that says how to get Embree.
+fn scene(positions: &[[f32; 3]], indices: &[[u32; 3]], options: EmbreeOptions) -> EmbreeScene {
+    EmbreeScene::new(positions, indices, options).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Handles of a raw scene, released on drop.
@@ -96,63 +107,184 @@ impl Drop for RawScene {
     }
 }
 
-#[test]
-fn an_array_of_hits_is_not_overwritten() {
+const CANARY: u8 = 0xa5;
+
+/// Four rays that all must hit, `stride` bytes apart in one buffer: which of
+/// them hit, and the buffer before and after.
+fn trace_array(stride: usize) -> ([bool; 4], Vec<u8>, Vec<u8>) {
     let scene = RawScene::new();
-    let mut rays: Vec<RTCRayHit> = [-0.6, -0.2, 0.2, 0.6]
-        .map(|x| RTCRayHit {
-            ray: raw(x, 0.5 * x + 0.1),
-            hit: embree4_sys::RTCHit {
-                geomID: RTC_INVALID_GEOMETRY_ID,
-                ..Default::default()
-            },
-        })
-        .to_vec();
-    for i in 0..rays.len() {
-        let before: Vec<u32> = rays.iter().map(|r| r.ray.org_x.to_bits()).collect();
-        // SAFETY: one valid structure of the array.
-        unsafe {
-            embree4_sys::rtcIntersect1(scene.scene, &raw mut rays[i], std::ptr::null_mut());
+    let mut storage = [const { MaybeUninit::<RTCRayHit>::uninit() }; 5];
+    let size = size_of_val(&storage);
+    let base = storage.as_mut_ptr().cast::<u8>();
+    // The last call may write past its structure, not past the buffer.
+    assert!(4 * stride + 16 <= size && stride.is_multiple_of(align_of::<RTCRay>()));
+    let at = |i: usize| base.wrapping_add(i * stride);
+    // SAFETY: every byte is initialised first; `at` stays inside the buffer
+    // and on a multiple of the alignment, as asserted. `RTCRayHit` is only
+    // pointed to, never made a reference.
+    unsafe {
+        base.write_bytes(CANARY, size);
+        for (i, x) in [-0.6, -0.2, 0.2, 0.6].into_iter().enumerate() {
+            at(i).cast::<RTCRay>().write(raw(x, 0.5 * x + 0.1));
+            at(i)
+                .add(offset_of!(RTCRayHit, hit))
+                .cast::<RTCHit>()
+                .write(RTCHit::default());
         }
-        let after: Vec<u32> = rays.iter().map(|r| r.ray.org_x.to_bits()).collect();
-        assert_eq!(before, after, "the call for ray {i} wrote into another");
-    }
-    for (i, r) in rays.iter().enumerate() {
-        assert_ne!(r.hit.geomID, RTC_INVALID_GEOMETRY_ID, "ray {i} must hit");
-        assert_eq!(r.ray.tfar, 2.0);
+        let before = std::slice::from_raw_parts(base, size).to_vec();
+        for i in 0..4 {
+            embree4_sys::rtcIntersect1(scene.scene, at(i).cast(), std::ptr::null_mut());
+        }
+        let after = std::slice::from_raw_parts(base, size).to_vec();
+        let hits = std::array::from_fn(|i| {
+            let hit = at(i).add(offset_of!(RTCRayHit, hit)).cast::<RTCHit>();
+            hit.read().geomID != RTC_INVALID_GEOMETRY_ID
+        });
+        (hits, before, after)
     }
 }
 
-/// The live control: with the published crate's 80 bytes the test above would
-/// see the defect, because the library does write behind them.
 #[test]
-fn the_published_layout_would_be_overwritten() {
-    let scene = RawScene::new();
-    // 96 bytes of ours, of which the published structure claims the first 80.
-    let mut both = RTCRayHit {
-        ray: raw(0.25, 0.1),
-        hit: embree4_sys::RTCHit {
-            geomID: RTC_INVALID_GEOMETRY_ID,
-            ..Default::default()
-        },
-    };
-    let tail = (&raw mut both)
-        .cast::<u8>()
-        .wrapping_add(INST_PRIM_ID_OFFSET)
-        .cast::<u32>();
-    let canary = 0x1234_5678;
-    // SAFETY: bytes 80..84 lie inside the 96 of the structure.
-    let written = unsafe {
-        tail.write(canary);
-        embree4_sys::rtcIntersect1(scene.scene, &raw mut both, std::ptr::null_mut());
-        tail.read()
-    };
-    assert_ne!(both.hit.geomID, RTC_INVALID_GEOMETRY_ID, "the ray must hit");
-    assert_ne!(
-        written, canary,
-        "this Embree does not write an instance-primitive id; is it older than 4.3?"
-    );
+fn an_array_of_hits_is_not_overwritten() {
+    let stride = size_of::<RTCRayHit>();
+    let (hits, before, after) = trace_array(stride);
+    assert_eq!(hits, [true; 4], "every ray must hit");
+    for (at, (old, new)) in before.iter().zip(&after).enumerate() {
+        // The library may write the ray's end, the hit and the id after it.
+        let written = at / stride < 4
+            && (offset_of!(RTCRay, tfar)..INST_PRIM_ID_OFFSET + 4).contains(&(at % stride));
+        assert!(written || old == new, "byte {at} was overwritten");
+    }
 }
+
+/// The live control: the test above sees the defect of the published crate's
+/// 80 bytes, because each hit spoils the origin of the ray behind it.
+#[test]
+fn the_published_layout_is_overwritten() {
+    let (hits, before, after) = trace_array(80);
+    let scene = RawScene::new();
+    // SAFETY: the device is alive.
+    let version = unsafe {
+        embree4_sys::rtcGetDeviceProperty(scene.device, RTCDeviceProperty::VERSION_MINOR)
+    };
+    if version < 3 {
+        // Before 4.3 there was no instance-primitive id.
+        assert_eq!(hits, [true; 4]);
+        return;
+    }
+    assert_eq!(hits, [true, false, true, false]);
+    let spoiled = INST_PRIM_ID_OFFSET..INST_PRIM_ID_OFFSET + 4;
+    assert_eq!(before[spoiled.clone()], (-0.2_f32).to_ne_bytes());
+    assert_eq!(after[spoiled], [0xff; 4]);
+}
+
+/// The bytes of a structure without padding.
+fn bytes<T: Copy>(value: &T) -> &[u8] {
+    // SAFETY: the callers' types are arrays of four-byte words, all of them
+    // initialised.
+    unsafe { std::slice::from_raw_parts((&raw const *value).cast(), size_of::<T>()) }
+}
+
+macro_rules! packets_match_single_rays {
+    ($name:ident, $n:literal, $ray:ident, $both:ident, $intersect:ident, $occluded:ident) => {
+        /// Packets leave their neighbours alone, and say what single rays say.
+        #[test]
+        fn $name() {
+            #[repr(align(64))]
+            struct Valid([c_int; $n]);
+            // Otherwise the structure has padding, which `bytes` must not read.
+            assert_eq!(size_of::<$ray>(), 48 * $n);
+            let scene = RawScene::new();
+            let x = |lane: usize| -1.35 + 2.7 * (lane as f32 + 0.5) / $n as f32;
+            let mut packet = <$both>::default();
+            for lane in 0..$n {
+                let one = raw(x(lane), 0.1);
+                packet.ray.org_x[lane] = one.org_x;
+                packet.ray.org_y[lane] = one.org_y;
+                packet.ray.org_z[lane] = one.org_z;
+                packet.ray.dir_z[lane] = one.dir_z;
+                packet.ray.tfar[lane] = one.tfar;
+                packet.ray.mask[lane] = one.mask;
+            }
+            // The second ray is switched off.
+            let mut valid = Valid([-1; $n]);
+            valid.0[1] = 0;
+            let mut closest = [packet; 3];
+            let mut any = [packet.ray; 3];
+            // SAFETY: structures of the library's size and alignment.
+            unsafe {
+                embree4_sys::$intersect(
+                    valid.0.as_ptr(),
+                    scene.scene,
+                    &raw mut closest[1],
+                    std::ptr::null_mut(),
+                );
+                embree4_sys::$occluded(
+                    valid.0.as_ptr(),
+                    scene.scene,
+                    &raw mut any[1],
+                    std::ptr::null_mut(),
+                );
+            }
+            for neighbour in [0, 2] {
+                assert_eq!(bytes(&closest[neighbour].ray), bytes(&packet.ray));
+                assert_eq!(bytes(&closest[neighbour].hit), bytes(&packet.hit));
+                assert_eq!(bytes(&any[neighbour]), bytes(&packet.ray));
+            }
+            let mut hits = 0;
+            for lane in 0..$n {
+                let mut single = RTCRayHit {
+                    ray: raw(x(lane), 0.1),
+                    hit: RTCHit::default(),
+                };
+                if valid.0[lane] != 0 {
+                    // SAFETY: as above.
+                    unsafe {
+                        embree4_sys::rtcIntersect1(
+                            scene.scene,
+                            &raw mut single,
+                            std::ptr::null_mut(),
+                        );
+                    }
+                }
+                let hit = single.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+                hits += usize::from(hit);
+                let found = &closest[1];
+                assert_eq!(found.hit.geomID[lane], single.hit.geomID, "lane {lane}");
+                assert_eq!(found.hit.primID[lane], single.hit.primID, "lane {lane}");
+                assert_eq!(found.ray.tfar[lane], single.ray.tfar, "lane {lane}");
+                let end = if hit { f32::NEG_INFINITY } else { 100.0 };
+                assert_eq!(any[1].tfar[lane], end, "lane {lane}");
+            }
+            assert!(0 < hits && hits < $n - 1, "{hits} hits do not show much");
+        }
+    };
+}
+
+packets_match_single_rays!(
+    packets_of_4,
+    4,
+    RTCRay4,
+    RTCRayHit4,
+    rtcIntersect4,
+    rtcOccluded4
+);
+packets_match_single_rays!(
+    packets_of_8,
+    8,
+    RTCRay8,
+    RTCRayHit8,
+    rtcIntersect8,
+    rtcOccluded8
+);
+packets_match_single_rays!(
+    packets_of_16,
+    16,
+    RTCRay16,
+    RTCRayHit16,
+    rtcIntersect16,
+    rtcOccluded16
+);
 
 fn wrapper(flags: RTCSceneFlags) -> CommittedScene {
     // Never `Some(..)`: the wrapper passes a string without its NUL.
@@ -177,7 +309,7 @@ fn wrapper_and_raw_calls_agree() {
             quality: RTCBuildQuality::HIGH,
             ..Default::default()
         };
-        let ours = EmbreeScene::new(&POSITIONS, &INDICES, options).expect("a scene");
+        let ours = scene(&POSITIONS, &INDICES, options);
         let theirs = wrapper(flags);
         let mut hits = 0;
         for i in 0..400 {
@@ -197,36 +329,102 @@ fn wrapper_and_raw_calls_agree() {
     }
 }
 
+/// Each member means what we take it for, known from the square itself.
 #[test]
-fn occlusion_and_packets_agree_with_single_rays() {
+fn a_hit_is_where_it_must_be() {
     for robust in [false, true] {
         let options = EmbreeOptions {
             robust,
             ..Default::default()
         };
-        let scene = EmbreeScene::new(&POSITIONS, &INDICES, options).expect("a scene");
-        let rays: Vec<_> = (0..16)
-            .map(|i| ray(-1.4 + 0.19 * i as f32, 0.03 * i as f32))
-            .collect();
-        for count in [1, 7, 16] {
-            for coherent in [false, true] {
-                let hits = scene.intersect16(&rays[..count], coherent);
-                let occluded = scene.occluded16(&rays[..count], coherent);
-                for i in 0..16 {
-                    let single = (i < count).then(|| scene.intersect(&rays[i])).flatten();
-                    assert_eq!(
-                        hits[i].map(|h| (h.t, h.primitive)),
-                        single.map(|h| (h.t, h.primitive)),
-                        "ray {i} of {count}"
-                    );
-                    assert_eq!(occluded[i], single.is_some(), "ray {i} of {count}");
-                    if i < count {
-                        assert_eq!(scene.occluded(&rays[i]), single.is_some());
-                    }
+        let scene = scene(&POSITIONS, &INDICES, options);
+        let expected = EmbreeHit {
+            t: 2.0,
+            u: 0.5,
+            v: 0.25,
+            primitive: 0,
+        };
+        // (-1, -1) + 0.5 (2, 0) + 0.25 (2, 2)
+        assert_eq!(scene.intersect(&ray(0.5, -0.5)), Some(expected));
+        let second = scene.intersect(&ray(-0.5, 0.5)).expect("a hit");
+        // (-1, -1) + 0.25 (2, 2) + 0.5 (0, 2)
+        assert_eq!((second.u, second.v, second.primitive), (0.25, 0.5, 1));
+        for (t_min, t_max, hit) in [(0.0, 1.9, false), (2.1, 100.0, false), (1.9, 2.1, true)] {
+            let ray = EmbreeRay {
+                t_min,
+                t_max,
+                ..ray(0.5, -0.5)
+            };
+            assert_eq!(scene.intersect(&ray).is_some(), hit, "{ray:?}");
+            assert_eq!(scene.occluded(&ray), hit, "{ray:?}");
+            assert_eq!(scene.intersect16(&[ray], false)[0].is_some(), hit);
+            assert_eq!(scene.occluded16(&[ray], false)[0], hit, "{ray:?}");
+        }
+    }
+}
+
+/// On a curved mesh, whose rays hit at all angles.
+#[test]
+fn occlusion_and_packets_agree_with_single_rays() {
+    let mesh = displaced_sphere(2_000);
+    let positions: Vec<_> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let mut random = Random::new(7);
+    let mut hits = 0;
+    let scenes = [false, true].map(|robust| {
+        let options = EmbreeOptions {
+            robust,
+            ..Default::default()
+        };
+        scene(&positions, &mesh.indices, options)
+    });
+    for round in 0..200 {
+        let rays: [EmbreeRay; 16] = std::array::from_fn(|_| EmbreeRay {
+            origin: [3.0 * random.signed(), 3.0 * random.signed(), 3.0],
+            direction: [0.3 * random.signed(), 0.3 * random.signed(), -1.0],
+            t_min: 0.0,
+            t_max: 10.0,
+        });
+        let count = [1, 7, 16][round % 3];
+        let coherent = round % 2 == 0;
+        // Random rays keep away from edges by more than the modes differ.
+        let single = rays.map(|r| scenes[0].intersect(&r));
+        for scene in &scenes {
+            let packet = scene.intersect16(&rays[..count], coherent);
+            let occluded = scene.occluded16(&rays[..count], coherent);
+            for i in 0..16 {
+                let expected = if i < count { single[i] } else { None };
+                assert_eq!(
+                    packet[i].map(|h| h.primitive),
+                    expected.map(|h| h.primitive),
+                    "ray {i} of {count}, {:?}",
+                    rays[i]
+                );
+                assert_eq!(occluded[i], expected.is_some(), "ray {i} of {count}");
+                if i < count {
+                    let own = scene.intersect(&rays[i]);
+                    assert_eq!(own.map(|h| h.primitive), expected.map(|h| h.primitive));
+                    assert_eq!(scene.occluded(&rays[i]), expected.is_some());
+                }
+                if let (Some(a), Some(b)) = (packet[i], expected) {
+                    hits += 1;
+                    // The intersectors round differently, by a few units of
+                    // the distance, which the weights see over short edges.
+                    let unit = f32::EPSILON * b.t;
+                    assert!((a.t - b.t).abs() <= 8.0 * unit, "{a:?}, {b:?}");
+                    let weights = (a.u - b.u).abs().max((a.v - b.v).abs());
+                    assert!(weights <= 8.0 * unit / 0.05, "{a:?}, {b:?}");
                 }
             }
         }
     }
+    assert!(hits > 200, "only {hits} rays hit");
+}
+
+#[test]
+fn an_empty_mesh_is_never_hit() {
+    let scene = scene(&[], &[], EmbreeOptions::default());
+    assert_eq!(scene.intersect(&ray(0.0, 0.0)), None);
+    assert!(!scene.occluded(&ray(0.0, 0.0)));
 }
 
 #[test]

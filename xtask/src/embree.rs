@@ -12,16 +12,23 @@ use std::process::Command;
 const WHEEL: &str = "embreex==4.4.0.post1";
 const LINUX_SHA256: &str = "2cd0f7d5c6342e6247e31f700761689cae7829454d8c6de0c41e62124a023e1f";
 
+const MEND: &str = "install Embree 4 yourself (Debian 13 and Ubuntu 24.04: libembree-dev; \
+                    Homebrew: embree) or set EMBREE_LIB to a libembree4 and run this again";
+
 /// Why there is no Embree.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum EmbreeSetupError {
     /// `EMBREE_LIB` names no file.
+    #[error("EMBREE_LIB is `{}`, which is no file; correct or unset it", .0.display())]
     BadVariable(PathBuf),
     /// No wheel exists for this system.
-    NoWheel,
+    #[error("PyPI has no Embree for this system ({0}): {MEND}")]
+    NoWheel(String),
     /// A command did not succeed.
+    #[error("`{0}` failed: {1}; {MEND}")]
     Command(String, String),
     /// The wheel is not the one expected.
+    #[error("the downloaded wheel has sha256 {found}, not {expected}; nothing was kept. {MEND}")]
     Checksum {
         /// What it should be.
         expected: &'static str,
@@ -29,36 +36,19 @@ pub enum EmbreeSetupError {
         found: String,
     },
     /// The wheel holds no library.
+    #[error(
+        "{} holds no libembree4; delete it and run this again, or: {MEND}", .0.display()
+    )]
     NoLibrary(PathBuf),
     /// A file of ours could not be written.
-    Write(PathBuf, std::io::Error),
-}
-
-const MEND: &str = "install Embree 4 yourself (Debian 13 and Ubuntu 24.04: libembree-dev; \
-                    Homebrew: embree) or set EMBREE_LIB to a libembree4 and run this again";
-
-impl fmt::Display for EmbreeSetupError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BadVariable(path) => write!(
-                f,
-                "EMBREE_LIB is {}, which is no file; correct or unset it",
-                path.display()
-            ),
-            Self::NoWheel => write!(f, "PyPI has no Embree for this system: {MEND}"),
-            Self::Command(command, reason) => write!(f, "`{command}` failed: {reason}; {MEND}"),
-            Self::Checksum { expected, found } => write!(
-                f,
-                "the downloaded wheel has sha256 {found}, not {expected}; nothing was kept. {MEND}"
-            ),
-            Self::NoLibrary(folder) => write!(
-                f,
-                "{} holds no libembree4; delete it and run this again, or: {MEND}",
-                folder.display()
-            ),
-            Self::Write(path, e) => write!(f, "cannot write {}: {e}", path.display()),
-        }
-    }
+    #[error("cannot write {}: {error}", path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        error: std::io::Error,
+    },
 }
 
 /// Where Embree was found.
@@ -86,24 +76,34 @@ impl fmt::Display for Found {
 /// # Errors
 /// If it is not there in the end.
 pub fn ensure(root: &Path) -> Result<Found, EmbreeSetupError> {
-    if let Some(named) = std::env::var_os("EMBREE_LIB").map(PathBuf::from) {
-        return if named.is_file() {
-            Ok(Found::Variable(named))
-        } else {
-            Err(EmbreeSetupError::BadVariable(named))
-        };
-    }
+    let named = std::env::var_os("EMBREE_LIB").map(PathBuf::from);
     let folder = root.join("target").join("embree");
-    if let Some(library) = library_in(&folder, 3) {
-        return Ok(Found::Target(library));
-    }
-    if let Some(library) = system() {
-        return Ok(Found::System(library));
+    if let Some(found) = find(named, &folder, system)? {
+        return Ok(found);
     }
     download(root, &folder)?;
     library_in(&folder, 3)
         .map(Found::Target)
         .ok_or(EmbreeSetupError::NoLibrary(folder))
+}
+
+/// What is there already, in the order of precedence.
+fn find(
+    named: Option<PathBuf>,
+    folder: &Path,
+    system: impl FnOnce() -> Option<PathBuf>,
+) -> Result<Option<Found>, EmbreeSetupError> {
+    if let Some(named) = named {
+        return if named.is_file() {
+            Ok(Some(Found::Variable(named)))
+        } else {
+            Err(EmbreeSetupError::BadVariable(named))
+        };
+    }
+    if let Some(library) = library_in(folder, 3) {
+        return Ok(Some(Found::Target(library)));
+    }
+    Ok(system().map(Found::System))
 }
 
 /// The library in a folder or below it.
@@ -170,6 +170,12 @@ fn platform() -> Option<&'static str> {
     }
 }
 
+/// Turns an error at this path into ours.
+fn writing(path: &Path) -> impl FnOnce(std::io::Error) -> EmbreeSetupError {
+    let path = path.to_path_buf();
+    |error| EmbreeSetupError::Write { path, error }
+}
+
 fn run(command: &mut Command) -> Result<String, EmbreeSetupError> {
     let line = format!("{command:?}").replace('"', "");
     let output = command
@@ -222,7 +228,13 @@ fn python(root: &Path) -> Result<PathBuf, EmbreeSetupError> {
 }
 
 fn download(root: &Path, folder: &Path) -> Result<(), EmbreeSetupError> {
-    let platform = platform().ok_or(EmbreeSetupError::NoWheel)?;
+    let platform = platform().ok_or_else(|| {
+        EmbreeSetupError::NoWheel(format!(
+            "{} {}",
+            std::env::consts::OS,
+            std::env::consts::ARCH
+        ))
+    })?;
     println!(
         "no Embree 4 found; downloading the PyPI wheel {WHEEL} (about 35 MB) to target/embree"
     );
@@ -231,10 +243,9 @@ fn download(root: &Path, folder: &Path) -> Result<(), EmbreeSetupError> {
     let work = folder.with_file_name(format!("embree-{}.partial", std::process::id()));
     let result = fetch(&python, platform, &work).and_then(|()| {
         if folder.exists() {
-            std::fs::remove_dir_all(folder)
-                .map_err(|e| EmbreeSetupError::Write(folder.into(), e))?;
+            std::fs::remove_dir_all(folder).map_err(writing(folder))?;
         }
-        std::fs::rename(&work, folder).map_err(|e| EmbreeSetupError::Write(folder.into(), e))
+        std::fs::rename(&work, folder).map_err(writing(folder))
     });
     if result.is_err() {
         // The error above says more than one from tidying up would.
@@ -244,7 +255,7 @@ fn download(root: &Path, folder: &Path) -> Result<(), EmbreeSetupError> {
 }
 
 fn fetch(python: &Path, platform: &str, work: &Path) -> Result<(), EmbreeSetupError> {
-    std::fs::create_dir_all(work).map_err(|e| EmbreeSetupError::Write(work.into(), e))?;
+    std::fs::create_dir_all(work).map_err(writing(work))?;
     run(Command::new(python)
         .args(["-m", "pip", "download", "--quiet", "--no-deps"])
         .args(["--only-binary", ":all:", "--implementation", "cp"])
@@ -253,7 +264,7 @@ fn fetch(python: &Path, platform: &str, work: &Path) -> Result<(), EmbreeSetupEr
         .arg(work)
         .arg(WHEEL))?;
     let wheel = std::fs::read_dir(work)
-        .map_err(|e| EmbreeSetupError::Write(work.into(), e))?
+        .map_err(writing(work))?
         .flatten()
         .map(|e| e.path())
         .find(|p| p.extension().is_some_and(|x| x == "whl"))
@@ -273,26 +284,73 @@ fn fetch(python: &Path, platform: &str, work: &Path) -> Result<(), EmbreeSetupEr
         .args(["-m", "zipfile", "-e"])
         .arg(&wheel)
         .arg(work))?;
-    std::fs::remove_file(&wheel).map_err(|e| EmbreeSetupError::Write(wheel, e))
+    std::fs::remove_file(&wheel).map_err(writing(&wheel))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// A folder of its own for each test, removed at its end.
+    struct Scratch(PathBuf);
+
+    impl Scratch {
+        fn new(test: &str) -> Self {
+            let name = format!("raytwin-embree-{test}-{}", std::process::id());
+            let folder = std::env::temp_dir().join(name);
+            std::fs::create_dir_all(&folder).unwrap();
+            Self(folder)
+        }
+    }
+
+    impl Drop for Scratch {
+        fn drop(&mut self) {
+            // What is left in the temporary folder harms nobody.
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+
     #[test]
     fn finds_the_library_below_a_folder() {
-        let folder = std::env::temp_dir().join(format!("raytwin-embree-{}", std::process::id()));
+        let scratch = Scratch::new("below");
+        let folder = &scratch.0;
         let inner = folder.join("embreex.libs");
         std::fs::create_dir_all(&inner).unwrap();
-        assert_eq!(library_in(&folder, 3), None);
+        assert_eq!(library_in(folder, 3), None);
         std::fs::write(inner.join("libtbb.so.12"), "").unwrap();
-        assert_eq!(library_in(&folder, 3), None);
+        assert_eq!(library_in(folder, 3), None);
         let library = inner.join("libembree4-4aef3270.so.4");
         std::fs::write(&library, "").unwrap();
-        assert_eq!(library_in(&folder, 3), Some(library));
-        assert_eq!(library_in(&folder, 0), None);
-        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(library_in(folder, 3), Some(library));
+        assert_eq!(library_in(folder, 0), None);
+    }
+
+    #[test]
+    fn looks_at_the_variable_then_target_then_the_system() {
+        let scratch = Scratch::new("order");
+        let folder = &scratch.0;
+        let system = || Some(PathBuf::from("/usr/lib/libembree4.so.4"));
+        assert_eq!(find(None, folder, || None).unwrap(), None);
+        assert_eq!(
+            find(None, folder, system).unwrap(),
+            system().map(Found::System)
+        );
+        let library = folder.join("libembree4.so.4");
+        std::fs::write(&library, "").unwrap();
+        assert_eq!(
+            find(None, folder, system).unwrap(),
+            Some(Found::Target(library))
+        );
+        let named = folder.join("mine.so");
+        std::fs::write(&named, "").unwrap();
+        assert_eq!(
+            find(Some(named.clone()), folder, system).unwrap(),
+            Some(Found::Variable(named))
+        );
+        // A wrong variable is an error, not a reason to take another library.
+        let wrong = folder.join("absent.so");
+        let error = find(Some(wrong.clone()), folder, system).unwrap_err();
+        assert!(error.to_string().contains(&wrong.display().to_string()));
     }
 
     #[test]

@@ -304,12 +304,15 @@ macro_rules! packet {
             assert!(size_of::<$ray>() == 12 * 4 * $n);
             assert!(size_of::<$hit>() == 9 * 4 * $n);
             assert!(size_of::<$both>() >= 21 * 4 * $n);
+            assert!(align_of::<$ray>() == $align && align_of::<$both>() == $align);
+            assert!(offset_of!($hit, instPrimID) == 8 * 4 * $n);
             assert!(offset_of!($both, hit) == size_of::<$ray>());
         };
     };
 }
 
 packet!(4, 16, RTCRay4, RTCHit4, RTCRayHit4);
+packet!(8, 32, RTCRay8, RTCHit8, RTCRayHit8);
 packet!(16, 64, RTCRay16, RTCHit16, RTCRayHit16);
 
 /// What a query passes on to callbacks.
@@ -339,6 +342,8 @@ pub struct RTCIntersectArguments {
     pub context: *mut RTCRayQueryContext,
     pub filter: RTCFilterFunctionN,
     pub intersect: RTCIntersectFunctionN,
+    /// Read only by libraries built with a minimal width of curves.
+    pub minWidthDistanceFactor: f32,
 }
 
 impl Default for RTCIntersectArguments {
@@ -349,6 +354,7 @@ impl Default for RTCIntersectArguments {
             context: std::ptr::null_mut(),
             filter: None,
             intersect: None,
+            minWidthDistanceFactor: 0.0,
         }
     }
 }
@@ -396,4 +402,8 @@ const _: () = {
     assert!(offset_of!(RTCHit, primID) == 20 && offset_of!(RTCHit, instID) == 28);
     assert!(size_of::<RTCRayQueryContext>() == 8);
     assert!(size_of::<RTCBounds>() == 32);
+    assert!(offset_of!(RTCIntersectArguments, feature_mask) == 4);
+    assert!(offset_of!(RTCIntersectArguments, context) == 8);
+    assert!(offset_of!(RTCIntersectArguments, filter) == 8 + size_of::<usize>());
+    assert!(offset_of!(RTCIntersectArguments, intersect) == 8 + 2 * size_of::<usize>());
 };

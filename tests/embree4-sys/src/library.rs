@@ -3,6 +3,7 @@
 use std::ffi::{c_char, c_int, c_void};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::ptr;
 use std::sync::OnceLock;
 
 use crate::layout::*;
@@ -22,6 +23,20 @@ pub enum LoadError {
         /// What the loader said.
         reason: String,
     },
+    /// A library has Embree's functions, but of another major version.
+    Version {
+        /// Which library.
+        library: String,
+        /// Its major version.
+        major: isize,
+    },
+    /// A library loads, but has no device to ask for its version.
+    NoDevice {
+        /// Which library.
+        library: String,
+        /// Its error code.
+        code: RTCError,
+    },
 }
 
 impl fmt::Display for LoadError {
@@ -38,6 +53,16 @@ impl fmt::Display for LoadError {
                 "{library} is not a usable Embree 4: {reason}; run `cargo xtask setup`, or set \
                  {LIBRARY_VARIABLE} to another"
             ),
+            Self::Version { library, major } => write!(
+                f,
+                "{library} is Embree {major}, not 4; run `cargo xtask setup`, or set \
+                 {LIBRARY_VARIABLE} to an Embree 4"
+            ),
+            Self::NoDevice { library, code } => write!(
+                f,
+                "{library} makes no device ({code:?}); run `cargo xtask setup`, or set \
+                 {LIBRARY_VARIABLE} to another"
+            ),
         }
     }
 }
@@ -49,14 +74,14 @@ macro_rules! functions {
         /// The functions of a loaded library.
         #[allow(missing_docs)]
         pub struct Embree {
-            path: String,
+            path: PathBuf,
             $(pub $name: unsafe extern "C" fn($($ty),*) $(-> $result)?,)*
             // Keeps the code mapped.
             _library: libloading::Library,
         }
 
         impl Embree {
-            fn resolve(library: libloading::Library, path: String) -> Result<Self, LoadError> {
+            fn resolve(library: libloading::Library, path: PathBuf) -> Result<Self, LoadError> {
                 $(
                     // SAFETY: the signature is that of the C header.
                     let $name = *unsafe {
@@ -65,7 +90,7 @@ macro_rules! functions {
                         )
                     }
                     .map_err(|e| LoadError::Incomplete {
-                        library: path.clone(),
+                        library: path.display().to_string(),
                         reason: e.to_string(),
                     })?;
                 )*
@@ -152,6 +177,13 @@ functions! {
         rayhit: *mut RTCRayHit4,
         args: *mut RTCIntersectArguments,
     );
+    /// Closest hits of eight rays.
+    fn rtcIntersect8(
+        valid: *const c_int,
+        scene: RTCScene,
+        rayhit: *mut RTCRayHit8,
+        args: *mut RTCIntersectArguments,
+    );
     /// Closest hits of sixteen rays.
     fn rtcIntersect16(
         valid: *const c_int,
@@ -168,6 +200,13 @@ functions! {
         ray: *mut RTCRay4,
         args: *mut RTCOccludedArguments,
     );
+    /// The same for eight rays.
+    fn rtcOccluded8(
+        valid: *const c_int,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        args: *mut RTCOccludedArguments,
+    );
     /// The same for sixteen rays.
     fn rtcOccluded16(
         valid: *const c_int,
@@ -180,8 +219,31 @@ functions! {
 impl Embree {
     /// Where the library was found.
     #[must_use]
-    pub fn path(&self) -> &str {
+    pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Embree 3 has functions of the same names that take other arguments, so
+    /// that all names resolve says nothing about the version.
+    fn check_version(self) -> Result<Self, LoadError> {
+        let library = self.path.display().to_string();
+        // SAFETY: these four are the same in every version; the device is
+        // checked and released once.
+        let major = unsafe {
+            let device = (self.rtcNewDevice)(ptr::null());
+            if device.is_null() {
+                let code = (self.rtcGetDeviceError)(ptr::null_mut());
+                return Err(LoadError::NoDevice { library, code });
+            }
+            let major = (self.rtcGetDeviceProperty)(device, RTCDeviceProperty::VERSION_MAJOR);
+            (self.rtcReleaseDevice)(device);
+            major
+        };
+        if major == 4 {
+            Ok(self)
+        } else {
+            Err(LoadError::Version { library, major })
+        }
     }
 }
 
@@ -198,8 +260,10 @@ pub fn load() -> Result<&'static Embree, LoadError> {
                 // SAFETY: Embree's initialisers are those of an ordinary
                 // C++ library.
                 match unsafe { libloading::Library::new(&candidate) } {
-                    Ok(library) => return Embree::resolve(library, candidate),
-                    Err(error) => tried.push(format!("{candidate}: {error}")),
+                    Ok(library) => {
+                        return Embree::resolve(library, candidate).and_then(Embree::check_version);
+                    }
+                    Err(error) => tried.push(format!("{}: {error}", candidate.display())),
                 }
             }
             Err(LoadError::NotFound(tried))
@@ -216,21 +280,21 @@ fn embree() -> &'static Embree {
 }
 
 /// In this order: the variable, `target/embree`, the system.
-fn candidates() -> Vec<String> {
-    if let Ok(named) = std::env::var(LIBRARY_VARIABLE) {
-        return vec![named];
+fn candidates() -> Vec<PathBuf> {
+    if let Some(named) = std::env::var_os(LIBRARY_VARIABLE) {
+        return vec![named.into()];
     }
     let mut found = Vec::new();
     for folder in target_folders() {
         collect(&folder.join("embree"), 3, &mut found);
     }
-    let mut names: Vec<String> = found.iter().map(|p| p.display().to_string()).collect();
-    names.extend(
+    found.extend(
         if cfg!(target_os = "macos") {
             &[
                 "libembree4.4.dylib",
                 "libembree4.dylib",
                 "/opt/homebrew/lib/libembree4.dylib",
+                "/usr/local/lib/libembree4.dylib",
             ][..]
         } else if cfg!(windows) {
             &["embree4.dll"][..]
@@ -238,9 +302,9 @@ fn candidates() -> Vec<String> {
             &["libembree4.so.4", "libembree4.so"][..]
         }
         .iter()
-        .map(ToString::to_string),
+        .map(PathBuf::from),
     );
-    names
+    found
 }
 
 /// Where cargo may have put `target`.
