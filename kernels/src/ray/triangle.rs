@@ -48,11 +48,11 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
     use glam::{DVec2, DVec3, Vec3};
 
     const WATERTIGHT: &str = "Woop, Benthin and Wald 2013, JCGT 2(1); edges in one canonical order";
-    const ANALYSIS: &str = "t is the plane equation and the weights are edge functions over their \
-        sum, as in triangle_intersect_moller_trumbore, whose 10 ULP are derived; the shear adds \
-        three roundings to each coordinate, at most 8 ULP on the same scale. Interval arithmetic \
-        follows every open comparison of edge ends and edge lengths and joins the results, and \
-        so gives up to 120 ULP for about one input in 10,000; measured is 2.1";
+    const ANALYSIS: &str = "not derived: t is the plane equation and the weights are edge functions \
+        over their sum, as in triangle_intersect_moller_trumbore, whose 10 ULP are derived, and 8 \
+        are allowed for the shear (docs/ray/triangle.md counts its roundings). Interval \
+        arithmetic gives up to 120 ULP for about one input in 10,000, and why is not traced; \
+        measured is 2.1";
     type WideShear = (DVec3, DVec3, DVec3, DVec2, u32, u32, f64);
 
     fn sheared(shear: RayShear, t_min: f32, t_max: f32, a: Vec3, b: Vec3, c: Vec3) -> TriangleHit {

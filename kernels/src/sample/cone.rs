@@ -79,9 +79,8 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             },
             (domains::unit_pair(), width.clone()),
         )
-        // Relative to the sine of the cone's own angle, not to 1: what a narrow
-        // light needs. z is compared on the same scale, and z's own rounding
-        // step shows only where the cone is wider than that.
+        // Absolute, as for any unit vector. That a narrow cone keeps its radii
+        // apart is a unit test of the CPU twin.
         .scale(0.5)
         .few_ulp(2.5, 10.0)
         .hard([
