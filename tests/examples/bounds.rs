@@ -26,7 +26,7 @@ fn main() {
         let truth = truths(&kernel, &input);
         let cpu = against_truth(&kernel, &input, &truth, &run_cpu(&kernel, &input)).max;
         let gpu = match kernel.derivation {
-            Derivation::Interval => match derive(&kernel, 1 << 16) {
+            Derivation::Interval | Derivation::ByEnds { .. } => match derive(&kernel, 1 << 16) {
                 Ok(derived) => format!("{:.3}", derived.bound),
                 Err(error) => error,
             },

@@ -39,7 +39,15 @@ pub struct Derived {
 /// If the text does not parse.
 pub fn program(kernel: &Kernel) -> Result<Program, String> {
     let source = raytwin::wgsl::link(&[kernel.module]).map_err(|e| e.to_string())?;
-    Program::parse(&source).map_err(|e| e.to_string())
+    let mut program = Program::parse(&source).map_err(|e| e.to_string())?;
+    if let Derivation::ByEnds { variables, .. } = kernel.derivation {
+        for (function, variable) in variables {
+            program
+                .take_by_ends(function, variable)
+                .map_err(|e| format!("{}: {e}", kernel.path()))?;
+        }
+    }
+    Ok(program)
 }
 
 fn derivation_input(kernel: &Kernel, drawn: usize) -> Vec<u32> {

@@ -37,7 +37,7 @@ fn row(kernel: &Kernel) -> String {
         ("exact".into(), "exact".into(), "exact".into())
     } else {
         let derived = match kernel.derivation {
-            Derivation::Interval => "derived",
+            Derivation::Interval | Derivation::ByEnds { .. } => "derived",
             Derivation::Analysis(_) => "analysis",
         };
         (

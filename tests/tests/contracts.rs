@@ -137,7 +137,9 @@ fn derived(kernel: &Kernel) -> Result<(), Failed> {
         Derivation::Interval if kernel.class == Class::BitExact => {
             derive::bit_exact(kernel).map_err(Failed::from)
         }
-        Derivation::Interval => derive::declared_is_derived(kernel).map_err(Failed::from),
+        Derivation::Interval | Derivation::ByEnds { .. } => {
+            derive::declared_is_derived(kernel).map_err(Failed::from)
+        }
         Derivation::Analysis(why) => check(why.len() > 20, || {
             "a bound by analysis must say why and where".into()
         }),

@@ -58,6 +58,14 @@ pub enum Derivation {
     /// The tests run the kernel in interval arithmetic over WGSL's accuracy
     /// table and check that the declared bounds are that result, rounded up.
     Interval,
+    /// As [`Self::Interval`], with some variables taken at one end of their
+    /// interval at a time, because the result uses them more than once.
+    ByEnds {
+        /// WGSL functions and variables in them.
+        variables: &'static [(&'static str, &'static str)],
+        /// Why the result is monotone in each, all else fixed.
+        why: &'static str,
+    },
     /// An error analysis in the CPU twin's doc comment, because interval
     /// arithmetic cannot see it; the text says why.
     Analysis(&'static str),
@@ -313,6 +321,19 @@ impl<Args: 'static, F: TwinFn<Args>> KernelBuilder<Args, F> {
     #[must_use]
     pub fn undecided(mut self, undecided: impl TruthFn<Args, bool>) -> Self {
         self.kernel.undecided = Some(Arc::new(move |words| undecided.call(words)));
+        self
+    }
+
+    /// The bounds are derived with these WGSL variables, `(function, variable)`,
+    /// taken at one end of their interval at a time; see
+    /// [`Derivation::ByEnds`].
+    #[must_use]
+    pub fn by_ends(
+        mut self,
+        variables: &'static [(&'static str, &'static str)],
+        why: &'static str,
+    ) -> Self {
+        self.kernel.derivation = Derivation::ByEnds { variables, why };
         self
     }
 

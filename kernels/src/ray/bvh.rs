@@ -188,7 +188,7 @@ fn raytwin_float(at: u32) -> f32 {
             far / shape.max(0.02) / d.length().min(1.0)
         })
         .undecided(undecided)
-        .few_ulp(2.5, 18.0)
+        .few_ulp(2.75, 13.5)
         .by_analysis(WHY)
         .hard(hard)
         .fixture(FIXTURE, words.to_vec())

@@ -1,6 +1,6 @@
 //! Runs functions of naga's IR on intervals, once per combination of decisions.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use naga::{
     BinaryOperator as Bin, Expression, Function, Handle, Literal, MathFunction as Mf, Module,
@@ -23,6 +23,8 @@ pub struct Program {
     module: Module,
     functions: Vec<FunctionInfo>,
     names: HashMap<String, Handle<Function>>,
+    /// Named values that are taken at one end of their interval at a time.
+    by_ends: HashSet<(Handle<Function>, Handle<Expression>)>,
     /// How much work one [`Program::call`] may take.
     pub limits: Limits,
 }
@@ -90,6 +92,7 @@ enum Flow {
 }
 
 struct Frame<'p> {
+    handle: Handle<Function>,
     function: &'p Function,
     info: &'p FunctionInfo,
     values: Vec<Value>,
@@ -141,8 +144,33 @@ impl Program {
             module,
             functions,
             names,
+            by_ends: HashSet::new(),
             limits: Limits::default(),
         })
+    }
+
+    /// Takes the variable `name` of `function` at one end of its interval at a
+    /// time and joins the results.
+    ///
+    /// This is what plain intervals cannot see: that a value used twice is the
+    /// same value both times. It is sound where the result is monotone in the
+    /// variable, all else fixed; for instance where it is affine in it.
+    ///
+    /// # Errors
+    /// [`IntervalError::UnknownFunction`] or [`IntervalError::UnknownVariable`].
+    pub fn take_by_ends(&mut self, function: &str, name: &str) -> Result<(), IntervalError> {
+        let Some(&handle) = self.names.get(function) else {
+            return Err(IntervalError::UnknownFunction(function.into()));
+        };
+        let named = &self.module.functions[handle].named_expressions;
+        let Some((&expression, _)) = named.iter().find(|(_, n)| *n == name) else {
+            return Err(IntervalError::UnknownVariable {
+                function: function.into(),
+                name: name.into(),
+            });
+        };
+        self.by_ends.insert((handle, expression));
+        Ok(())
     }
 
     /// Number of argument words `function` takes, none if there is no such function
@@ -495,6 +523,18 @@ impl<'p> Machine<'p> {
         Ok(choice)
     }
 
+    /// The lower or the upper end of each float.
+    fn one_end(&mut self, v: &Value) -> Run<Value> {
+        self.map1(v, |m, s| {
+            let iv = m.float(&s);
+            if !matches!(s, Sc::F(..)) || iv.is_any() || iv.is_point() {
+                return Ok(s);
+            }
+            let end = if m.decide(2)? == 0 { iv.lo } else { iv.hi };
+            Ok(Sc::F(0, Iv::point(end)))
+        })
+    }
+
     fn eager(&self) -> bool {
         self.at < EAGER_DEPTH
     }
@@ -752,6 +792,7 @@ impl<'p> Machine<'p> {
             values[expression] = arguments[argument].clone();
         }
         let mut frame = Frame {
+            handle,
             function,
             info,
             values,
@@ -796,7 +837,10 @@ impl<'p> Machine<'p> {
                 for handle in range.clone() {
                     if frame.info.statics[handle.index()].is_none() {
                         self.tick(1)?;
-                        let value = self.expression(frame, handle)?;
+                        let mut value = self.expression(frame, handle)?;
+                        if self.program.by_ends.contains(&(frame.handle, handle)) {
+                            value = self.one_end(&value)?;
+                        }
                         frame.values[handle.index()] = value;
                     }
                 }

@@ -240,6 +240,14 @@ pub enum IntervalError {
     /// No function of that name.
     #[error("the WGSL text has no function `{0}`; check the name")]
     UnknownFunction(String),
+    /// No variable of that name.
+    #[error("`{function}` has no variable `{name}`; check the name")]
+    UnknownVariable {
+        /// Function searched.
+        function: String,
+        /// Name asked for.
+        name: String,
+    },
     /// The arguments do not fill the parameters.
     #[error("`{function}` takes {expected} argument words, {found} were given")]
     ArgumentCount {

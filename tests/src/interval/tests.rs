@@ -1010,6 +1010,32 @@ fn ambiguous_branches_join_both_sides() {
 }
 
 #[test]
+fn a_value_taken_by_ends_stays_the_same_value() {
+    // a is within 2.5 ULP of 1/3; in x a + y a the two are one value, which
+    // plain intervals forget.
+    let text = "fn cancel(x: f32) -> f32 {
+        let a = 1.0 / x;
+        let copy = a + 0.0;
+        return 4096.0 * a - 4095.0 * copy;
+    }";
+    let mut p = Program::parse(text).unwrap();
+    let wide = p.call("cancel", &floats(&[3.0]), Table::Wgsl).unwrap()[0];
+    p.take_by_ends("cancel", "a").unwrap();
+    let thin = p.call("cancel", &floats(&[3.0]), Table::Wgsl).unwrap()[0];
+    let (wide, thin) = (wide.interval().unwrap(), thin.interval().unwrap());
+    assert!(thin.contains(1.0 / 3.0) && wide.lo < thin.lo && thin.hi < wide.hi);
+    assert!(wide.width() > 4.0 * thin.width(), "{wide:?} {thin:?}");
+    assert!(matches!(
+        p.take_by_ends("cancel", "b"),
+        Err(IntervalError::UnknownVariable { .. })
+    ));
+    assert!(matches!(
+        p.take_by_ends("none", "a"),
+        Err(IntervalError::UnknownFunction(_))
+    ));
+}
+
+#[test]
 fn errors_are_typed() {
     let mut p = Program::parse(BRANCHES).unwrap();
     let args = floats(&[3.0]);
