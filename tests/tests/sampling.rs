@@ -131,6 +131,7 @@ on_both_twins! {
     samples_follow_the_density
     densities_integrate_to_one
     inverses_return_the_random_numbers
+    narrow_cones_keep_every_radius
     bases_are_orthonormal_and_right_handed
     radical_inverses_match_exact_ratios
     every_elementary_interval_gets_one_point
@@ -999,6 +1000,46 @@ fn rotation_permutes_the_unit_interval(twin: Twin) {
         }
         permutes_the_lattice(values.into_iter().map(f32::from_bits))
             .unwrap_or_else(|e| panic!("{}, shift {shift}: {e}", twin.label()));
+    }
+}
+
+// ---------------------------------------------------------------- the cone
+
+/// The contract of `cone_sample` is absolute, so that it holds for wide cones;
+/// next to the axis what counts is the radius relative to itself.
+fn narrow_cones_keep_every_radius(twin: Twin) {
+    let sample = kernel("sample/cone::cone_sample");
+    let run = twin.prepare(&sample);
+    // √(x (2 - x)) with x = u · omc, times a cosine that is 1 exactly: the
+    // root halves the errors of three operations, then comes its own and the
+    // product's.
+    let bound = (2.5 * twin.rounding() + twin.square_root()) * EPS;
+    for one_minus_cos in [SUN, 1e-3, 1e-8, 1e-12] {
+        let u: Vec<f32> = (0..4096u16).map(|i| f32::from(i) / 4096.0).collect();
+        let input: Vec<u32> = u
+            .iter()
+            .flat_map(|u| [u.to_bits(), 0, one_minus_cos.to_bits()])
+            .collect();
+        let radii: Vec<f32> = run(&input)
+            .chunks_exact(3)
+            .map(|d| f32::from_bits(d[0]))
+            .collect();
+        let mut worst = 0f64;
+        for (u, r) in u.iter().zip(&radii).skip(1) {
+            let x = f64::from(*u) * f64::from(one_minus_cos);
+            let truth = (x * (2.0 - x)).sqrt();
+            worst = worst.max((f64::from(*r) / truth - 1.0).abs());
+        }
+        let mut distinct = radii;
+        distinct.sort_by(f32::total_cmp);
+        distinct.dedup();
+        println!(
+            "{}: 1 - cos = {one_minus_cos:e}: {} of 4096 radii, relative error {worst:.2e} of {bound:.2e}",
+            twin.label(),
+            distinct.len()
+        );
+        assert_eq!(distinct.len(), 4096, "{}", twin.label());
+        assert!(worst <= bound, "{}: {worst:e} > {bound:e}", twin.label());
     }
 }
 

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
@@ -17,10 +17,10 @@ use raytwin_cpu::ray::camera::{Camera, camera_ray};
 use raytwin_cpu::ray::ray::{Ray, ray_at};
 use raytwin_cpu::sample::basis::{basis_from_normal, basis_to_world};
 use raytwin_cpu::sample::hemisphere::hemisphere_cosine_sample;
+use raytwin_tests::crosscheck::{self, Answer, Counts, RaySet, Subject, compare};
 use raytwin_tests::embree::{EmbreeOptions, EmbreeRay, EmbreeScene};
 use raytwin_tests::rays::families::{Expectation, Family};
 use raytwin_tests::rays::meshes;
-use raytwin_tests::rays::reference::reference_closest;
 use raytwin_tests::scene::{Mesh, Scene};
 
 use super::error::ReportError;
@@ -439,12 +439,18 @@ pub fn measure(
     let half = settings.checked / 2;
     let mut rays: Vec<Ray> = sets.primary.iter().take(half).copied().collect();
     rays.extend(sets.diffuse.iter().take(half));
-    let truth = Truth::new(&bvh, &mesh.positions, &mesh.indices, &rays, false);
+    let subject = Subject {
+        name: scene.name.clone(),
+        positions: mesh.positions.clone(),
+        indices: mesh.indices.clone(),
+        bvh: bvh.clone(),
+    };
+    let set = RaySet::new(&subject, rays);
     Ok(engines
         .iter()
         .zip(rates)
         .map(|(engine, mrays)| {
-            let count = truth.count(&rays, &engine.closest(&rays), None);
+            let counts = compare(&subject, &set, &Judged(engine));
             BvhRow {
                 mesh: scene.name.clone(),
                 triangles: mesh.indices.len(),
@@ -457,11 +463,11 @@ pub fn measure(
                     diffuse: mrays.diffuse / e.diffuse,
                     ao: mrays.ao / e.ao,
                 }),
-                checked: rays.len(),
-                leaks: count.leaks,
-                false_hits: count.false_hits,
-                disagreements: count.disagreements,
-                ties: count.ties,
+                checked: set.rays.len(),
+                leaks: counts.leaks,
+                false_hits: counts.false_hits,
+                disagreements: disagreements(&counts),
+                ties: counts.prim_ties,
             }
         })
         .collect())
@@ -482,282 +488,66 @@ pub fn measure_family(family: &Family, with: &Engines<'_>) -> Result<Vec<FamilyR
     let mesh = &family.mesh;
     let bvh = build(&family.name, &mesh.positions, &mesh.indices)?;
     let engines = open(with, &mesh.positions, &mesh.indices, &bvh, 0.0)?;
-    let truth = Truth::new(&bvh, &mesh.positions, &mesh.indices, &family.rays, true);
+    let subject = Subject {
+        name: family.name.clone(),
+        positions: mesh.positions.clone(),
+        indices: mesh.indices.clone(),
+        bvh: bvh.clone(),
+    };
+    let mut set = RaySet::new(&subject, family.rays.clone()).must_hit(&subject);
+    if family.expect == Expectation::MustHitAgain {
+        set = set.again();
+    }
     Ok(engines
         .iter()
         .map(|engine| {
-            let hits = engine.closest(&family.rays);
-            let again = (family.expect == Expectation::MustHitAgain).then(|| {
-                let shortened: Vec<Ray> = family
-                    .rays
-                    .iter()
-                    .zip(&hits)
-                    .map(|(&ray, hit)| Ray {
-                        t_max: hit.map_or(ray.t_max, |h| h.0),
-                        ..ray
-                    })
-                    .collect();
-                engine.closest(&shortened)
-            });
-            let count = truth.count(&family.rays, &hits, again.as_deref());
+            let counts = compare(&subject, &set, &Judged(engine));
             FamilyRow {
                 family: family.name.clone(),
                 engine: engine.name.clone(),
                 rays: family.rays.len(),
-                leaks: count.leaks,
-                false_hits: count.false_hits,
-                disagreements: count.disagreements,
-                ties: count.ties,
+                leaks: counts.leaks,
+                false_hits: counts.false_hits,
+                disagreements: disagreements(&counts),
+                ties: counts.prim_ties,
             }
         })
         .collect())
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Count {
-    leaks: usize,
-    false_hits: usize,
-    disagreements: usize,
-    ties: usize,
-}
+/// An engine of the report, for the judge of the tests.
+struct Judged<'e, 'a>(&'e Engine<'a>);
 
-/// What the f64 intersector finds for some rays.
-struct Truth<'a> {
-    positions: &'a [Vec3],
-    indices: &'a [[u32; 3]],
-    hits: Vec<Option<TrueHit>>,
-    closed: bool,
-}
+impl crosscheck::Engine for Judged<'_, '_> {
+    fn name(&self) -> String {
+        self.0.name.clone()
+    }
 
-struct TrueHit {
-    t: f64,
-    margin: f64,
-    primitives: Vec<u32>,
-}
-
-/// Positions are right to a few roundings of the largest coordinate that the
-/// arithmetic meets: eight.
-const TOLERANCE: f64 = 8.0 / 16_777_216.0;
-
-/// Nearer to an edge than this, in barycentric weight, an open mesh's hit is
-/// a matter of rounding.
-const ON_EDGE: f64 = 1e-6;
-
-impl<'a> Truth<'a> {
-    fn new(
-        bvh: &Bvh,
-        positions: &'a [Vec3],
-        indices: &'a [[u32; 3]],
-        rays: &[Ray],
-        closed: bool,
-    ) -> Self {
-        use rayon::prelude::*;
-        let hits = rays
-            .par_iter()
-            .map(|&ray| {
-                let hit = reference_closest(&bvh.view(), ray)?;
-                Some(TrueHit {
-                    t: hit.t,
-                    margin: hit.margin,
-                    primitives: hit.ties,
-                })
+    fn trace(&self, rays: &[Ray]) -> Vec<Answer> {
+        self.0
+            .closest(rays)
+            .into_iter()
+            .map(|hit| Answer {
+                hit: hit.map(|(t, primitive)| crosscheck::Hit {
+                    t,
+                    weights: None,
+                    primitive,
+                }),
+                // The report asks for the closest hit alone.
+                any: hit.is_some(),
             })
-            .collect();
-        Self {
-            positions,
-            indices,
-            hits,
-            closed,
-        }
-    }
-
-    /// `again` is a second trace that must find the same.
-    fn count(&self, rays: &[Ray], found: &[Hit], again: Option<&[Hit]>) -> Count {
-        let mut out = Count::default();
-        for (i, (ray, hit)) in rays.iter().zip(found).enumerate() {
-            let truth = self.hits[i].as_ref();
-            let Some((t, primitive)) = *hit else {
-                let lost = self.closed || truth.is_some_and(|h| h.margin > ON_EDGE);
-                out.leaks += usize::from(lost);
-                continue;
-            };
-            if again.is_some_and(|a| a[i] != *hit) {
-                out.leaks += 1;
-                continue;
-            }
-            let near = self.nearness(ray, f64::from(t), primitive);
-            if near.line > near.tolerance {
-                out.false_hits += 1;
-                continue;
-            }
-            let Some(truth) = truth else {
-                // It touches the triangle to rounding: a silhouette.
-                continue;
-            };
-            if truth.primitives.contains(&primitive) {
-                out.disagreements += usize::from(near.plane > near.tolerance);
-                continue;
-            }
-            // Along a grazing ray a small step off the surface is a long one
-            // in distance: the difference counts across the flatter surface.
-            let slope = truth
-                .primitives
-                .iter()
-                .map(|&p| self.nearness(ray, truth.t, p).slope)
-                .fold(near.slope, f64::min);
-            let length = ray.direction.as_dvec3().length();
-            if (truth.t - f64::from(t)).abs() * length * slope <= near.tolerance {
-                out.ties += 1;
-            } else {
-                out.disagreements += 1;
-            }
-        }
-        out
-    }
-
-    /// How a reported hit lies to its triangle.
-    fn nearness(&self, ray: &Ray, t: f64, primitive: u32) -> Nearness {
-        let Some(triangle) = self.indices.get(primitive as usize) else {
-            return Nearness {
-                line: f64::INFINITY,
-                plane: f64::INFINITY,
-                slope: 1.0,
-                tolerance: 0.0,
-            };
-        };
-        let origin = ray.origin.as_dvec3();
-        let corners = triangle.map(|i| self.positions[i as usize].as_dvec3());
-        let direction = ray.direction.as_dvec3();
-        let point = origin + direction * t;
-        let largest = corners
-            .iter()
-            .map(|c| c.abs().max_element())
-            .fold(point.abs().max_element(), f64::max)
-            .max(origin.abs().max_element());
-        let along = direction.normalize();
-        // Seen along the ray, the line is the origin.
-        let flat = corners.map(|c| (c - origin) - along * (c - origin).dot(along));
-        let normal = (corners[1] - corners[0])
-            .cross(corners[2] - corners[0])
-            .normalize_or_zero();
-        let on_triangle = nearest_on_triangle(point, corners);
-        Nearness {
-            line: nearest_on_triangle(DVec3::ZERO, flat).length(),
-            plane: if normal == DVec3::ZERO {
-                point.distance(on_triangle)
-            } else {
-                normal.dot(point - corners[0]).abs()
-            },
-            slope: normal.dot(along).abs(),
-            tolerance: TOLERANCE * largest,
-        }
+            .collect()
     }
 }
 
-/// Distances in the mesh's units.
-struct Nearness {
-    /// From the ray's line to the triangle.
-    line: f64,
-    /// From the reported point to the triangle's plane.
-    plane: f64,
-    /// Sine of the angle between ray and plane.
-    slope: f64,
-    /// What rounding explains.
-    tolerance: f64,
-}
-
-/// The point of a triangle that is nearest to `p`.
-fn nearest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let normal = (b - a).cross(c - a);
-    let area = normal.length_squared();
-    if area > 0.0 {
-        let weight = |q: DVec3, r: DVec3| (q - p).cross(r - p).dot(normal) / area;
-        let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
-        if wa >= 0.0 && wb >= 0.0 && wc >= 0.0 {
-            return a * wa + b * wb + c * wc;
-        }
-    }
-    let on_edge = |q: DVec3, r: DVec3| {
-        let side = r - q;
-        let length = side.length_squared();
-        let s = if length > 0.0 {
-            ((p - q).dot(side) / length).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        q + side * s
-    };
-    [on_edge(a, b), on_edge(b, c), on_edge(c, a)]
-        .into_iter()
-        .min_by(|q, r| p.distance(*q).total_cmp(&p.distance(*r)))
-        .unwrap_or(a)
+/// Hits with another `t` than the truth, also where a needle explains it.
+fn disagreements(counts: &Counts) -> usize {
+    counts.t_off + counts.t_poor
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn truth() -> (Vec<Vec3>, Vec<[u32; 3]>, Vec<Ray>) {
-        let positions = vec![
-            Vec3::ZERO,
-            Vec3::X,
-            Vec3::Y,
-            Vec3::Z,
-            Vec3::X + Vec3::Z,
-            Vec3::Y + Vec3::Z,
-        ];
-        let rays = vec![
-            Ray {
-                origin: Vec3::new(0.25, 0.25, 5.0),
-                direction: -Vec3::Z,
-                t_min: 0.0,
-                t_max: f32::MAX,
-            };
-            4
-        ];
-        (positions, vec![[0, 1, 2], [3, 4, 5]], rays)
-    }
-
-    #[test]
-    fn every_kind_of_mistake_is_counted() {
-        let (positions, indices, rays) = truth();
-        let bvh = build("two", &positions, &indices).unwrap();
-        let truth = Truth::new(&bvh, &positions, &indices, &rays, false);
-        let right = Some((4.0, 1));
-        // Right, lost, behind the first, at a wrong distance.
-        let found = [right, None, Some((5.0, 0)), Some((4.5, 1))];
-        let expected = Count {
-            leaks: 1,
-            disagreements: 2,
-            ..Count::default()
-        };
-        assert_eq!(truth.count(&rays, &found, None), expected);
-        let beside = Ray {
-            origin: Vec3::new(0.6, 0.6, 5.0),
-            ..rays[0]
-        };
-        let none = Truth::new(&bvh, &positions, &indices, &[beside], false);
-        assert_eq!(none.count(&[beside], &[right], None).false_hits, 1);
-        assert_eq!(none.count(&[beside], &[None], None), Count::default());
-        assert_eq!(truth.count(&rays, &[right; 4], None), Count::default());
-        let again = [right, right, None, right];
-        let lost = truth.count(&rays, &[right; 4], Some(&again));
-        assert_eq!(lost.leaks, 1);
-    }
-
-    #[test]
-    fn nearest_points() {
-        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let near = |x, y, z| nearest_on_triangle(DVec3::new(x, y, z), triangle);
-        assert_eq!(near(0.25, 0.25, 3.0), DVec3::new(0.25, 0.25, 0.0));
-        assert_eq!(near(-1.0, 0.5, 1.0), DVec3::new(0.0, 0.5, 0.0));
-        assert_eq!(near(3.0, -1.0, 0.0), DVec3::X);
-        let line = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
-        assert_eq!(
-            nearest_on_triangle(DVec3::new(1.5, 1.0, 0.0), line),
-            DVec3::X * 1.5
-        );
-    }
 
     #[test]
     fn generated_meshes_are_seen() {
