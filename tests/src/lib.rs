@@ -5,6 +5,7 @@
 //! - [`mod@derive`] and [`interval`] say how far WGSL lets them be.
 //! - [`rays`] has the exact intersector, the generated meshes and the hard
 //!   rays; [`embree`] the peer.
+//! - [`twin`] runs either side of a kernel by its path.
 //! - [`scene`] loads meshes.
 
 pub mod crosscheck;
@@ -17,6 +18,7 @@ pub mod measure;
 pub mod rays;
 pub mod scene;
 pub mod statistics;
+pub mod twin;
 
 /// The README's Rust code compiles and runs.
 #[cfg(doctest)]

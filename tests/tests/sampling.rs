@@ -14,118 +14,15 @@ use glam::{UVec2, Vec3};
 use raytwin::contract::{Kernel, ulp};
 use raytwin::random::halton::{HALTON_PERIOD, HALTON_PRIMES, HALTON_STRIDE};
 use raytwin::random::pcg::{pcg_hash, pcg_next, pcg_seed, pcg_unit};
-use raytwin_tests::gpu::{self, Build, Gpu, Program};
+use raytwin_tests::gpu::{self, Build, Program};
 use raytwin_tests::measure::run_cpu;
+use raytwin_tests::on_both_twins;
 use raytwin_tests::statistics::{
     Bins, chi_square, equal_area_grid, mean_variance, pearson, sidak, turn_distance, turn_of,
 };
-
-/// Half an ULP of 1: the rounding step of 24-bit random numbers.
-const EPS: f64 = 1.0 / 16_777_216.0;
-
-// ---------------------------------------------------------------- the twins
-
-/// Where a kernel runs.
-#[derive(Clone, Copy)]
-enum Twin {
-    Cpu,
-    Gpu(&'static Gpu),
-}
-
-/// A function from an array of argument lists to an array of results.
-type Run<'a> = Box<dyn Fn(&[u32]) -> Vec<u32> + 'a>;
-
-impl Twin {
-    fn label(self) -> String {
-        match self {
-            Self::Cpu => "CPU".into(),
-            Self::Gpu(gpu) => gpu.label(),
-        }
-    }
-
-    fn prepare(self, kernel: &Kernel) -> Run<'_> {
-        match self {
-            Self::Cpu => Box::new(move |input| run_cpu(kernel, input)),
-            Self::Gpu(gpu) => {
-                let program = Program::new(gpu, kernel, Build::Plain)
-                    .unwrap_or_else(|e| panic!("{}: {e}", gpu.label()));
-                Box::new(move |input| program.run(input))
-            }
-        }
-    }
-
-    /// The contract's bound, in ULP of `max(|truth|, scale)`.
-    fn bound(self, kernel: &Kernel) -> f64 {
-        match self {
-            Self::Cpu => kernel.bounds.cpu,
-            Self::Gpu(_) => kernel.bounds.gpu,
-        }
-    }
-
-    /// Largest relative error of one `+`, `-` or `*` in units of [`EPS`]: to
-    /// nearest on the CPU, either neighbour in WGSL.
-    fn rounding(self) -> f64 {
-        match self {
-            Self::Cpu => 1.0,
-            Self::Gpu(_) => 2.0,
-        }
-    }
-
-    /// The same for a division: WGSL allows 2.5 ULP.
-    fn division(self) -> f64 {
-        match self {
-            Self::Cpu => 1.0,
-            Self::Gpu(_) => 5.0,
-        }
-    }
-
-    /// The same for a square root: WGSL inherits it from `1 / inverseSqrt(x)`,
-    /// 2 ULP and 2.5 ULP.
-    fn square_root(self) -> f64 {
-        match self {
-            Self::Cpu => 1.0,
-            Self::Gpu(_) => 9.0,
-        }
-    }
-}
-
-fn gpu_twins() -> Vec<Twin> {
-    // A missing driver is a failure, never a pass.
-    let gpus = gpu::adapters().unwrap_or_else(|e| panic!("{e}"));
-    gpus.iter().map(Twin::Gpu).collect()
-}
-
-fn all_kernels() -> Vec<Kernel> {
-    raytwin::registry()
-        .into_iter()
-        .flat_map(|t| t.kernels)
-        .collect()
-}
-
-/// The kernel of this path, `sample/cone::cone_sample`.
-fn kernel(path: &str) -> Kernel {
-    all_kernels()
-        .into_iter()
-        .find(|k| k.path() == path)
-        .unwrap_or_else(|| panic!("the registry has no kernel {path}"))
-}
-
-macro_rules! on_both_twins {
-    ($($name:ident)*) => {$(
-        mod $name {
-            #[test]
-            fn cpu() {
-                super::$name(super::Twin::Cpu);
-            }
-            #[test]
-            fn gpu() {
-                for twin in super::gpu_twins() {
-                    super::$name(twin);
-                }
-            }
-        }
-    )*};
-}
+use raytwin_tests::twin::{
+    EPS, Run, Twin, all_kernels, components, f32_words, float, kernel, random_pairs,
+};
 
 on_both_twins! {
     samples_follow_the_density
@@ -141,23 +38,6 @@ on_both_twins! {
     draws_are_uniform_and_uncorrelated
     seeds_of_neighbours_are_uncorrelated
     hashes_do_not_collide
-}
-
-fn f32_words(values: impl IntoIterator<Item = f64>) -> impl Iterator<Item = u32> {
-    values.into_iter().map(|v| (v as f32).to_bits())
-}
-
-/// A point's two or three components, the third 0 if there is none.
-fn components(words: &[u32]) -> [f64; 3] {
-    let mut p = [0.0; 3];
-    for (p, &word) in p.iter_mut().zip(words) {
-        *p = float(word);
-    }
-    p
-}
-
-fn float(word: u32) -> f64 {
-    f64::from(f32::from_bits(word))
 }
 
 // ---------------------------------------------------------------- the warps
@@ -365,18 +245,6 @@ impl Shape {
         let (area, points) = equal_area_grid(farthest, side);
         (area, points.flatten().collect())
     }
-}
-
-/// Pairs of random numbers as a renderer draws them, as words.
-fn random_pairs(count: usize, seed: u32) -> Vec<u32> {
-    let mut state = pcg_seed(UVec2::new(seed, 0), 0x5eed);
-    (0..2 * count)
-        .map(|_| {
-            let draw = pcg_next(state);
-            state = draw.state;
-            pcg_unit(draw.value).to_bits()
-        })
-        .collect()
 }
 
 // ------------------------------------------------ samples against densities
