@@ -39,8 +39,8 @@ pub struct Derived {
 /// If the text does not parse.
 pub fn program(kernel: &Kernel) -> Result<Program, String> {
     let mut source = raytwin::wgsl::link(&[kernel.module]).map_err(|e| e.to_string())?;
-    // A kernel that reads data has none here: only its pure helpers, and those
-    // whose fixture computes what it gives, can be derived.
+    // Callbacks that compute what they give are run with the kernel; those that
+    // read the buffer, which is not here, cannot be.
     if let Some(fixture) = &kernel.fixture {
         source += "@group(0) @binding(2) var<storage, read> raytwin_fixture: array<u32>;";
         source += fixture.wgsl;

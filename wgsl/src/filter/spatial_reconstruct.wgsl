@@ -94,7 +94,7 @@ fn spatial_reconstruct_edge(
     if plane >= reach {
         return 0.0;
     }
-    let c = min(max(vec3_dot(normal, other_normal), 0.0), 1.0);
+    let c = clamp(vec3_dot(normal, other_normal), 0.0, 1.0);
     let c_2 = c * c;
     let c_4 = c_2 * c_2;
     return (c_4 * c_4) * (1.0 - plane / reach);
