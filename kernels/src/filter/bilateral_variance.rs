@@ -324,14 +324,14 @@ fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel {
         .fixture(FIXTURE, vec![0])
         .source("Tomasi and Manduchi 1998; Schied et al. 2017")
         .baseline(
-            "usual form: built-in exp, and pow(n.n', 128)",
+            "usual form: built-in exp and dot, 1 - n.n'",
             "fn baseline(n: vec3f, other: vec3f, offset: vec3f, reach: f32, difference: vec3f, variance: f32) -> f32 {
                 if variance <= 0.0 || reach <= 0.0 {
                     return 0.0;
                 }
                 let p = dot(n, offset) / reach;
                 let d = dot(difference * difference, vec3f(0.2126, 0.7152, 0.0722));
-                return pow(max(dot(n, other), 0.0), 128.0) * exp(-p * p - d / (16.0 * variance));
+                return exp(-p * p - 128.0 * (1.0 - dot(n, other)) - d / (16.0 * variance));
             }",
             |n: Vec3, other: Vec3, offset: Vec3, reach: f32, difference: Vec3, variance: f32| {
                 if variance <= 0.0 || reach <= 0.0 {
@@ -339,7 +339,7 @@ fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel {
                 }
                 let p = n.dot(offset) / reach;
                 let d = (difference * difference).dot(Vec3::new(0.2126, 0.7152, 0.0722));
-                n.dot(other).max(0.0).powf(128.0) * (-p * p - d / (16.0 * variance)).exp()
+                (-p * p - 128.0 * (1.0 - n.dot(other)) - d / (16.0 * variance)).exp()
             },
         )
         .build(),
