@@ -29,6 +29,7 @@ pub use raytwin_wgsl as wgsl;
 #[cfg(feature = "contract")]
 pub mod contract;
 
+pub mod filter;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod math;

@@ -17,6 +17,8 @@ macro_rules! registry {
 }
 
 registry! {
+    filter / bilateral_variance;
+    filter / spatial_reconstruct;
     math / exponent;
     math / luminance;
     math / octahedral;

@@ -38,7 +38,13 @@ pub struct Derived {
 /// # Errors
 /// If the text does not parse.
 pub fn program(kernel: &Kernel) -> Result<Program, String> {
-    let source = raytwin::wgsl::link(&[kernel.module]).map_err(|e| e.to_string())?;
+    let mut source = raytwin::wgsl::link(&[kernel.module]).map_err(|e| e.to_string())?;
+    // Callbacks that compute what they give are run with the kernel; those that
+    // read the buffer, which is not here, cannot be.
+    if let Some(fixture) = &kernel.fixture {
+        source += "@group(0) @binding(2) var<storage, read> raytwin_fixture: array<u32>;";
+        source += fixture.wgsl;
+    }
     let mut program = Program::parse(&source).map_err(|e| e.to_string())?;
     if let Derivation::ByEnds { variables, .. } = kernel.derivation {
         for (function, variable) in variables {

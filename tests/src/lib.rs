@@ -27,6 +27,8 @@ pub struct Readme;
 
 /// The pages' Rust code compiles and runs.
 #[cfg(doctest)]
+#[doc = include_str!("../../docs/filter/bilateral_variance.md")]
+#[doc = include_str!("../../docs/filter/spatial_reconstruct.md")]
 #[doc = include_str!("../../docs/math/exponent.md")]
 #[doc = include_str!("../../docs/math/luminance.md")]
 #[doc = include_str!("../../docs/math/octahedral.md")]

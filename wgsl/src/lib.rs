@@ -139,6 +139,18 @@ macro_rules! modules {
 }
 
 modules! {
+    /// Filters over neighbouring pixels.
+    filter {
+        BILATERAL_VARIANCE "bilateral_variance" ["math/exponent", "math/trig", "math/vector"]
+            {
+                "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"
+            } "bilateral_variance.bindings.wgsl";
+        SPATIAL_RECONSTRUCT "spatial_reconstruct" ["math/trig", "math/vector"]
+            {
+                "fn spatial_reconstruct_read_hit(at: vec2u) -> SpatialReconstructHit",
+                "fn spatial_reconstruct_weight(pixel: vec2u, at: vec2u, hit: SpatialReconstructHit) -> f32"
+            } "spatial_reconstruct.bindings.wgsl";
+    }
     /// Numeric building blocks.
     math {
         EXPONENT "exponent" [];

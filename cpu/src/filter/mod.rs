@@ -1,0 +1,8 @@
+//! Filters over neighbouring pixels.
+//!
+//! Each is a set of pure steps and a function for a whole pixel that reads its
+//! neighbours through callbacks. Results stay between the smallest and the
+//! largest of their inputs, channel by channel, on any driver.
+
+pub mod bilateral_variance;
+pub mod spatial_reconstruct;

@@ -1,0 +1,4 @@
+//! Filters over neighbouring pixels: the pairs and their contracts.
+
+pub mod bilateral_variance;
+pub mod spatial_reconstruct;
