@@ -63,7 +63,8 @@ pub enum Derivation {
     ByEnds {
         /// WGSL functions and variables in them.
         variables: &'static [(&'static str, &'static str)],
-        /// Why the result is monotone in each, all else fixed.
+        /// Why the result is monotone in each on either side of zero, all else
+        /// fixed.
         why: &'static str,
     },
     /// An error analysis in the CPU twin's doc comment, because interval

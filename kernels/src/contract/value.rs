@@ -20,6 +20,8 @@ pub enum TypeInfo {
     Scalar(Scalar),
     /// Two to four words of one scalar type.
     Vector(Scalar, usize),
+    /// A WGSL array: element and length.
+    Array(Box<TypeInfo>, usize),
     /// A named WGSL structure: its members in order.
     Struct(&'static str, Vec<(&'static str, TypeInfo)>),
 }
@@ -31,6 +33,7 @@ impl TypeInfo {
         match self {
             Self::Scalar(_) => 1,
             Self::Vector(_, n) => *n,
+            Self::Array(element, n) => element.words() * n,
             Self::Struct(_, members) => members.iter().map(|m| m.1.words()).sum(),
         }
     }
@@ -46,6 +49,7 @@ impl TypeInfo {
             Self::Scalar(Scalar::F32) => "f32".into(),
             Self::Scalar(Scalar::U32) => "u32".into(),
             Self::Vector(s, n) => format!("vec{n}{}", letter(s)),
+            Self::Array(element, n) => format!("array<{}, {n}>", element.wgsl()),
             Self::Struct(name, _) => (*name).into(),
         }
     }
@@ -58,6 +62,9 @@ impl TypeInfo {
             Self::Vector(s, n) => ["x", "y", "z", "w"][..*n]
                 .iter()
                 .map(|c| (format!("{prefix}.{c}"), *s))
+                .collect(),
+            Self::Array(element, n) => (0..*n)
+                .flat_map(|i| element.lanes(&format!("{prefix}[{i}]")))
                 .collect(),
             Self::Struct(_, members) => members
                 .iter()
@@ -81,6 +88,10 @@ impl TypeInfo {
             Self::Scalar(s) => scalar(s),
             Self::Vector(s, n) => {
                 let parts: Vec<_> = (0..*n).map(|_| scalar(s)).collect();
+                format!("{}({})", self.wgsl(), parts.join(", "))
+            }
+            Self::Array(element, n) => {
+                let parts: Vec<_> = (0..*n).map(|_| element.construct(word, next)).collect();
                 format!("{}({})", self.wgsl(), parts.join(", "))
             }
             Self::Struct(name, members) => {
@@ -197,13 +208,43 @@ vector_value!(UVec2, UVec2, Scalar::U32, 2, u32, std::convert::identity);
 vector_value!(UVec3, UVec3, Scalar::U32, 3, u32, std::convert::identity);
 vector_value!(UVec4, UVec4, Scalar::U32, 4, u32, std::convert::identity);
 
+impl<T: Value, const N: usize> Value for [T; N] {
+    type Wide = [T::Wide; N];
+    const WORDS: usize = T::WORDS * N;
+    fn info() -> TypeInfo {
+        TypeInfo::Array(Box::new(T::info()), N)
+    }
+    #[inline]
+    fn read(words: &[u32]) -> Self {
+        std::array::from_fn(|i| T::read(&words[i * T::WORDS..]))
+    }
+    #[inline]
+    fn write(self, words: &mut [u32]) {
+        for (i, element) in self.into_iter().enumerate() {
+            element.write(&mut words[i * T::WORDS..]);
+        }
+    }
+    fn widen(self) -> Self::Wide {
+        self.map(T::widen)
+    }
+    fn lanes(wide: Self::Wide, out: &mut Vec<f64>) {
+        for element in wide {
+            T::lanes(element, out);
+        }
+    }
+}
+
 /// Implements [`Value`] for a structure that has a WGSL twin of the same name
 /// with the same members in the same order. Its wide form is the tuple of the
-/// members' wide forms.
+/// members' wide forms. `[const N: usize] Name = Type { … }` takes a type with
+/// parameters.
 #[macro_export]
 macro_rules! value_struct {
-    ($name:ident { $($member:ident : $ty:ty),+ $(,)? }) => {
-        impl $crate::contract::Value for $name {
+    ($name:ident { $($members:tt)+ }) => {
+        $crate::value_struct!([] $name = $name { $($members)+ });
+    };
+    ([$($parameter:tt)*] $name:ident = $type:ty { $($member:ident : $ty:ty),+ $(,)? }) => {
+        impl<$($parameter)*> $crate::contract::Value for $type {
             type Wide = ($(<$ty as $crate::contract::Value>::Wide,)+);
             const WORDS: usize = 0 $(+ <$ty as $crate::contract::Value>::WORDS)+;
             fn info() -> $crate::contract::TypeInfo {

@@ -154,7 +154,8 @@ impl Program {
     ///
     /// This is what plain intervals cannot see: that a value used twice is the
     /// same value both times. It is sound where the result is monotone in the
-    /// variable, all else fixed; for instance where it is affine in it.
+    /// variable on either side of zero (which counts as an end), all else
+    /// fixed; for instance where it is affine in it, or in its square.
     ///
     /// # Errors
     /// [`IntervalError::UnknownFunction`] or [`IntervalError::UnknownVariable`].
@@ -523,14 +524,19 @@ impl<'p> Machine<'p> {
         Ok(choice)
     }
 
-    /// The lower or the upper end of each float.
+    /// The lower or the upper end of each float, or zero if that is between.
     fn one_end(&mut self, v: &Value) -> Run<Value> {
         self.map1(v, |m, s| {
             let iv = m.float(&s);
             if !matches!(s, Sc::F(..)) || iv.is_any() || iv.is_point() {
                 return Ok(s);
             }
-            let end = if m.decide(2)? == 0 { iv.lo } else { iv.hi };
+            let straddles = iv.lo < 0.0 && iv.hi > 0.0;
+            let end = match m.decide(if straddles { 3 } else { 2 })? {
+                0 => iv.lo,
+                1 => iv.hi,
+                _ => 0.0,
+            };
             Ok(Sc::F(0, Iv::point(end)))
         })
     }
