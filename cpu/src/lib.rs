@@ -22,6 +22,7 @@
 //! assert!(direction.y >= 0.0);
 //! ```
 
+pub mod brdf;
 pub mod filter;
 pub mod math;
 pub mod random;

@@ -26,6 +26,7 @@
 pub use raytwin_cpu as cpu;
 pub use raytwin_wgsl as wgsl;
 
+pub mod brdf;
 #[cfg(feature = "contract")]
 pub mod contract;
 

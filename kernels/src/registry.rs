@@ -17,6 +17,15 @@ macro_rules! registry {
 }
 
 registry! {
+    brdf / fresnel;
+    brdf / ggx;
+    brdf / ggx_bounded;
+    brdf / ggx_ndf;
+    brdf / ggx_visible;
+    brdf / lambert;
+    brdf / layered;
+    brdf / medium;
+    brdf / refract;
     filter / bilateral_variance;
     filter / spatial_reconstruct;
     math / exponent;

@@ -139,6 +139,21 @@ macro_rules! modules {
 }
 
 modules! {
+    /// How surfaces reflect and refract.
+    brdf {
+        FRESNEL "fresnel" [];
+        GGX "ggx" ["math/vector"];
+        GGX_BOUNDED "ggx_bounded" ["brdf/ggx_visible"];
+        GGX_NDF "ggx_ndf" ["brdf/ggx", "math/trig"];
+        GGX_VISIBLE "ggx_visible" ["brdf/ggx", "math/trig", "sample/disk"];
+        LAMBERT "lambert" ["sample/hemisphere"];
+        LAYERED "layered" [
+            "brdf/fresnel", "brdf/ggx_bounded", "brdf/medium", "math/luminance",
+            "sample/hemisphere"
+        ] { "const LAYERED_COUNT: u32" } "layered.bindings.wgsl";
+        MEDIUM "medium" ["math/exponent"];
+        REFRACT "refract" ["math/vector"];
+    }
     /// Filters over neighbouring pixels.
     filter {
         BILATERAL_VARIANCE "bilateral_variance" ["math/exponent", "math/trig", "math/vector"]

@@ -1,0 +1,175 @@
+//! Bounded visible microfacet normals: the pair and its contract.
+
+pub use raytwin_cpu::brdf::ggx_bounded::*;
+
+/// The WGSL twin, without what it requires.
+pub const WGSL: &str = raytwin_wgsl::brdf::GGX_BOUNDED;
+
+/// The paper's bound in double precision.
+#[cfg(feature = "contract")]
+pub(crate) mod exact {
+    use crate::brdf::ggx::exact as ggx;
+    use glam::{DVec2, DVec3};
+
+    /// Equation 5: `k = (1 - a²) s² / (s² + a² cos²)`, `s = 1 + sin`.
+    pub fn depth(o: DVec3, a: DVec2) -> f64 {
+        if o.z <= 0.0 {
+            return 1.0;
+        }
+        let a2 = a.min_element().min(1.0).powi(2);
+        let s2 = (1.0 + o.truncate().length()).powi(2);
+        (1.0 - a2) * s2 / (s2 + a2 * o.z * o.z)
+    }
+
+    /// What divides the density.
+    pub fn area(o: DVec3, a: DVec2) -> f64 {
+        if o.z <= 0.0 {
+            return ggx::projected_area(o, a);
+        }
+        0.5 * (depth(o, a) * o.z + ggx::stretched(o, a))
+    }
+
+    pub fn direction_pdf(o: DVec3, i: DVec3, a: DVec2) -> f64 {
+        if o.z <= 0.0 || i.z <= 0.0 {
+            return 0.0;
+        }
+        ggx::d(ggx::half(o, i), a) / (4.0 * area(o, a))
+    }
+}
+
+/// What the pair promises.
+#[cfg(feature = "contract")]
+#[must_use]
+pub fn contract() -> Vec<crate::contract::Kernel> {
+    use super::ggx::cases::{ALPHAS, GRAZING, US, VIEWS, alpha, upper};
+    use super::ggx::exact as ggx;
+    use super::ggx_visible::exact as caps;
+    use crate::contract::{Domain, Kernel, domains};
+    use crate::sample::disk::azimuth;
+    use glam::{DVec2, DVec3, Vec2, Vec3};
+
+    const UNIT: &str =
+        "each component of a normalised vector is monotone in the size of each of the vector";
+    const MODULE: &str = "brdf/ggx_bounded";
+    const PAPER: &str = "Eto and Tokuyoshi 2023, SIGGRAPH Asia Technical Communications, listing 1";
+
+    let seen: Domain<(Vec3, Vec3, Vec2)> = domains::unit_pair()
+        .and(upper())
+        .and(alpha())
+        .map(|((u, o), a)| (ggx_bounded_sample(u, o, a), o, a));
+    let hard_sample = US.into_iter().flat_map(|u| {
+        VIEWS
+            .into_iter()
+            .flat_map(move |o| ALPHAS.map(move |a| (u, o, a)))
+    });
+    let hard_invert = VIEWS
+        .into_iter()
+        .flat_map(|o| ALPHAS.map(|a| (ggx_bounded_sample(Vec2::new(0.3, 0.2), o, a), o, a)));
+
+    vec![
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_lift",
+            ["wo", "alpha"],
+            ggx_bounded_lift,
+            |o: DVec3, a: DVec2| 1.0 - exact::depth(o, a),
+            (upper(), alpha()),
+        )
+        .few_ulp(4.0, 26.0)
+        .hard(
+            VIEWS
+                .into_iter()
+                .chain([-Vec3::Z, Vec3::X])
+                .flat_map(|o| ALPHAS.map(|a| (o, a))),
+        )
+        .source(PAPER)
+        .build(),
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_sample",
+            ["u", "wo", "alpha"],
+            ggx_bounded_sample,
+            |u: DVec2, o: DVec3, a: DVec2| caps::sample(u, o, a, exact::depth(o, a)),
+            (domains::unit_pair(), upper(), alpha()),
+        )
+        .scale_by(|u: DVec2, o: DVec3, a: DVec2| caps::condition(u, o, a, exact::depth(o, a)))
+        .by_ends(&[("ggx_bounded_sample", "m")], UNIT)
+        .undecided(|u: DVec2, o: DVec3, a: DVec2| {
+            caps::condition(u, o, a, exact::depth(o, a)) > caps::LOST
+        })
+        .few_ulp(5.25, 33.0)
+        .hard(hard_sample)
+        .source(PAPER)
+        .build(),
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_invert",
+            ["h", "wo", "alpha"],
+            ggx_bounded_invert,
+            |h: DVec3, o: DVec3, a: DVec2| {
+                let c = caps::cap(h, o, a);
+                let u = (1.0 - c.z) / (1.0 + exact::depth(o, a) * caps::stretch(o, a).z);
+                DVec2::new(u.clamp(0.0, 1.0), azimuth(c.y, c.x).0)
+            },
+            seen.clone(),
+        )
+        .scale_by(|h: DVec3, o: DVec3, a: DVec2| {
+            0.5 + 1.0 / caps::cap(h, o, a).truncate().length().max(1e-6)
+        })
+        .undecided(|h: DVec3, o: DVec3, a: DVec2| {
+            let c = caps::cap(h, o, a);
+            c.truncate().length() < 1e-3 || azimuth(c.y, c.x).1 || (c.y.abs() < 1e-4 && c.x > 0.0)
+        })
+        .few_ulp(5.0, 41.0)
+        .hard(hard_invert)
+        .source(PAPER)
+        .build(),
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_pdf",
+            ["h", "wo", "alpha"],
+            ggx_bounded_pdf,
+            |h: DVec3, o: DVec3, a: DVec2| {
+                let area = exact::area(o, a);
+                if area < 1e-30 {
+                    return 0.0;
+                }
+                ggx::d(h, a) * o.dot(h).max(0.0) / area
+            },
+            seen,
+        )
+        .scale_by(|h: DVec3, o: DVec3, a: DVec2| {
+            let area = exact::area(o, a).max(1e-30);
+            ggx::d(h, a) * (o * h).abs().element_sum() / area
+        })
+        .few_ulp(12.0, 48.0)
+        .hard(
+            VIEWS
+                .into_iter()
+                .flat_map(|o| ALPHAS.map(|a| (Vec3::Z, o, a)))
+                .chain([(Vec3::X, -Vec3::Z, Vec2::ONE)]),
+        )
+        .source(PAPER)
+        .build(),
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_direction_pdf",
+            ["wo", "wi", "alpha"],
+            ggx_bounded_direction_pdf,
+            exact::direction_pdf,
+            (upper(), upper(), alpha()),
+        )
+        .few_ulp(16.0, 70.0)
+        .hard(
+            VIEWS
+                .into_iter()
+                .flat_map(|o| ALPHAS.map(|a| (o, GRAZING, a)))
+                .chain([
+                    (Vec3::Z, Vec3::new(0.6, 0.0, -0.8), Vec2::ONE),
+                    (-Vec3::Z, Vec3::Z, Vec2::ONE),
+                ]),
+        )
+        .source(PAPER)
+        .build(),
+    ]
+}
