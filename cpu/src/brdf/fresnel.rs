@@ -31,7 +31,7 @@ fn fresnel_fifth(x: f32) -> f32 {
 /// Schlick's approximation, one channel: `f0 + (1 - f0)(1 - cos)⁵`.
 ///
 /// Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
-/// Eurographics 1994, equation 15. `f0` in `[0, 1]`; so is the result.
+/// Eurographics 1994. `f0` in `[0, 1]`; so is the result.
 ///
 /// Error analysis: a sum and products of positive terms; `1 - cos` is exact
 /// for `cos` from 1/2 on and rounded once below, which counts five times.

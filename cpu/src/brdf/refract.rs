@@ -29,8 +29,7 @@ pub struct Refraction {
 /// into, positive. The side is found from `wi · n`, so a front face and a back
 /// face take the same call: from behind, `eta` is inverted.
 ///
-/// Source: Snell's law in vector form; Glassner (ed.), *An Introduction to Ray
-/// Tracing*, 1989, chapter 4, section 3.
+/// Source: Snell's law in vector form.
 ///
 /// Error analysis: with `e` the index on the near side over that on the far
 /// side, the square of the far cosine is `(1 - e²) + (e cos)²`. From the front

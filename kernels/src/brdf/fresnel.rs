@@ -118,7 +118,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
     use glam::{DVec3, Vec3};
 
     const MODULE: &str = "brdf/fresnel";
-    const SCHLICK: &str = "Schlick 1994, equation 15";
+    const SCHLICK: &str = "Schlick 1994, An Inexpensive BRDF Model";
     const FRESNEL: &str = "Born and Wolf, Principles of Optics, 1.5.2";
 
     /// Uniform, with a quarter each near the horizon and near the normal.

@@ -101,7 +101,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             // A little inside the critical angle of glass.
             (Vec3::new(0.6666, 0.0, -0.7454145), Vec3::Z, 1.5),
         ])
-        .source("Snell's law; Glassner (ed.), An Introduction to Ray Tracing, 4.3")
+        .source("Snell's law in vector form")
         .baseline(
             "built-in refract, whose answer at total reflection is a zero vector",
             "fn baseline(wi: vec3f, n: vec3f, eta: f32) -> Refraction {

@@ -17,7 +17,7 @@ fn fresnel_fifth(x: f32) -> f32 {
     return square * square * x;
 }
 
-// Schlick's approximation (Eurographics 1994, equation 15), one channel.
+// Schlick's approximation (Eurographics 1994), one channel.
 fn fresnel_schlick_scalar(f0: f32, cos: f32) -> f32 {
     return f0 + (1.0 - f0) * fresnel_fifth(1.0 - clamp(cos, 0.0, 1.0));
 }
