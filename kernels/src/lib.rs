@@ -20,7 +20,7 @@
 //! # Features
 //! - `build`: BVH building through obvhs.
 //! - `gpu`: ready wgpu pieces.
-//! - `contract`: what each kernel promises ([`contract`]), for tests, benches
+//! - `contract`: what each kernel promises (module `contract`), for tests, benches
 //!   and reports.
 
 pub use raytwin_cpu as cpu;

@@ -17,6 +17,8 @@ macro_rules! registry {
 }
 
 registry! {
+    brdf / compensation;
+    brdf / cook_torrance;
     brdf / fresnel;
     brdf / ggx;
     brdf / ggx_bounded;
@@ -25,6 +27,7 @@ registry! {
     brdf / lambert;
     brdf / layered;
     brdf / medium;
+    brdf / reflection;
     brdf / refract;
     filter / bilateral_variance;
     filter / spatial_reconstruct;

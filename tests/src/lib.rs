@@ -27,6 +27,8 @@ pub struct Readme;
 
 /// The pages' Rust code compiles and runs.
 #[cfg(doctest)]
+#[doc = include_str!("../../docs/brdf/compensation.md")]
+#[doc = include_str!("../../docs/brdf/cook_torrance.md")]
 #[doc = include_str!("../../docs/brdf/fresnel.md")]
 #[doc = include_str!("../../docs/brdf/ggx.md")]
 #[doc = include_str!("../../docs/brdf/ggx_bounded.md")]
@@ -35,6 +37,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/brdf/lambert.md")]
 #[doc = include_str!("../../docs/brdf/layered.md")]
 #[doc = include_str!("../../docs/brdf/medium.md")]
+#[doc = include_str!("../../docs/brdf/reflection.md")]
 #[doc = include_str!("../../docs/brdf/refract.md")]
 #[doc = include_str!("../../docs/filter/bilateral_variance.md")]
 #[doc = include_str!("../../docs/filter/spatial_reconstruct.md")]

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use raytwin::brdf::cook_torrance::cook_torrance_eval;
 use raytwin::brdf::fresnel::fresnel_f0;
 use raytwin::brdf::ggx::{ggx_d, ggx_d_between, ggx_half, ggx_projected_area, ggx_visibility};
 use raytwin::brdf::ggx_bounded::ggx_bounded_direction_pdf;
@@ -21,6 +22,7 @@ use raytwin::brdf::ggx_visible::{ggx_visible_direction_pdf, ggx_visible_pdf};
 use raytwin::brdf::layered::{
     self, LayeredLayer, LayeredStack, layered_diffuse, layered_pdf, layered_pmf, layered_refract,
 };
+use raytwin::brdf::reflection::{reflection_pdf, reflection_trimmed_sample};
 use raytwin::contract::{Kernel, Value};
 use raytwin::math::vector::vec3_dot;
 use raytwin::sample::hemisphere::hemisphere_cosine_pdf;
@@ -498,6 +500,74 @@ fn masking_is_symmetric(twin: Twin) {
     assert_eq!(g1_run(&up), g1_run(&down), "{}", twin.label());
 }
 
+// ------------------------------------------------------------ reflection rays
+
+fn alternatives_below_the_horizon_are_in_the_density(twin: Twin) {
+    const DEGREES: [f64; 4] = [0.0, 45.0, 75.0, 89.0];
+    let roughness = [0.125f32, 0.5, 1.0];
+    let significance = sidak(0.01, DEGREES.len() * roughness.len());
+    let found = kernel("brdf/reflection::reflection_sample");
+    let run = twin.prepare(&found);
+    for alpha in roughness.map(Vec2::splat) {
+        for (seed, degrees) in (500..).zip(DEGREES) {
+            let wo = view(degrees);
+            let fixed = [wo.x, wo.y, wo.z, alpha.x, alpha.y];
+            let drawn: Vec<_> = run(&with_pairs(&random_pairs(SAMPLES, seed), &fixed))
+                .chunks_exact(5)
+                .map(|r| Some(components(&r[..3])))
+                .collect();
+            let pdf = |wi: Vec3| reflection_pdf(wo, wi, alpha);
+            let name = format!("reflection {alpha} {degrees}");
+            let kept = kept_masses(name, &pdf, mirror_of(wo));
+            let mass: f64 = kept.iter().sum();
+            let case = format!("alpha {alpha}, {degrees} degrees, {}", twin.label());
+            assert!((mass - 1.0).abs() < 1e-3, "{case}: mass {mass}");
+            let p = p_value(drawn, &kept).unwrap_or_else(|e| panic!("{case}: {e}"));
+            assert!(p > significance, "{case}: p = {p:e} (< {significance:e})");
+        }
+    }
+}
+
+/// What trimming loses, as docs/brdf/reflection.md has it.
+#[test]
+fn trimming_loses_the_tail_and_no_more() {
+    const SIDE: u16 = 1024;
+    let alpha = Vec2::splat(0.5);
+    for degrees in [0.0, 45.0, 75.0] {
+        let wo = view(degrees);
+        let mut before = 0.0;
+        for trim in [0.5f32, 0.7, 0.8, 0.9, 0.95, 1.0] {
+            let mut sum = 0.0;
+            for i in 0..u32::from(SIDE) * u32::from(SIDE) {
+                let at = |k: u32| (k as f32 + 0.5) / f32::from(SIDE);
+                let u = Vec2::new(at(i % u32::from(SIDE)), at(i / u32::from(SIDE)));
+                let ray = reflection_trimmed_sample(u, wo, alpha, trim);
+                if ray.pdf > 0.0 {
+                    let value = cook_torrance_eval(wo, ray.direction, alpha, Vec3::ONE).x;
+                    sum += f64::from(value * ray.direction.z / ray.pdf);
+                }
+            }
+            let albedo = sum / f64::from(SIDE).powi(2);
+            println!("{degrees} degrees, trim {trim}: {albedo:.3}");
+            // Straight on, the last fifth is below the horizon anyway.
+            assert!(
+                albedo > before - 1e-5,
+                "{degrees} {trim}: {albedo} after {before}"
+            );
+            before = albedo;
+        }
+        let expected = match degrees {
+            0.0 => 0.688,
+            45.0 => 0.683,
+            _ => 0.761,
+        };
+        assert!(
+            (before - expected).abs() < 5e-3,
+            "{degrees}: {before} for {expected}"
+        );
+    }
+}
+
 // ------------------------------------------------------------------ layers
 
 /// A stack with a name.
@@ -844,4 +914,5 @@ on_both_twins! {
     layered_samples_follow_the_density
     layered_sample_value_and_density_agree_and_are_reciprocal
     no_stack_reflects_more_than_it_gets
+    alternatives_below_the_horizon_are_in_the_density
 }

@@ -141,6 +141,8 @@ macro_rules! modules {
 modules! {
     /// How surfaces reflect and refract.
     brdf {
+        COMPENSATION "compensation" [];
+        COOK_TORRANCE "cook_torrance" ["brdf/fresnel", "brdf/ggx_bounded"];
         FRESNEL "fresnel" [];
         GGX "ggx" ["math/vector"];
         GGX_BOUNDED "ggx_bounded" ["brdf/ggx_visible"];
@@ -152,6 +154,7 @@ modules! {
             "sample/hemisphere"
         ] { "const LAYERED_COUNT: u32" } "layered.bindings.wgsl";
         MEDIUM "medium" ["math/exponent"];
+        REFLECTION "reflection" ["brdf/ggx_ndf", "brdf/ggx_visible"];
         REFRACT "refract" ["math/vector"];
     }
     /// Filters over neighbouring pixels.
