@@ -28,7 +28,7 @@ use raytwin::math::vector::vec3_dot;
 use raytwin::sample::hemisphere::hemisphere_cosine_pdf;
 use raytwin_tests::on_both_twins;
 use raytwin_tests::statistics::{Bins, chi_square, sidak, turn_of};
-use raytwin_tests::twin::{EPS, Run, Twin, components, float, kernel, random_pairs};
+use raytwin_tests::twin::{EPS, Run, Twin, components, float, gpu_twins, kernel, random_pairs};
 
 const SAMPLES: usize = 1_000_000;
 const ALPHAS: [f32; 6] = [0.02, 0.05, 0.125, 0.25, 0.5, 1.0];
@@ -40,6 +40,23 @@ const BINS: Bins = Bins {
     columns: 202,
     range: (-1.0, 1.0),
 };
+
+/// Roughness and view angles. All of them on the CPU twin and on the first
+/// adapter; a second driver runs the same shader text, and three by three of
+/// them unless `RAYTWIN_FULL` is set.
+fn grid(twin: Twin) -> (Vec<f32>, Vec<f64>) {
+    let first = match twin {
+        Twin::Cpu => true,
+        Twin::Gpu(gpu) => gpu_twins()
+            .first()
+            .is_some_and(|t| t.label() == gpu.label()),
+    };
+    if first || std::env::var_os("RAYTWIN_FULL").is_some() {
+        (ALPHAS.to_vec(), ANGLES.to_vec())
+    } else {
+        (vec![0.05, 0.25, 1.0], vec![0.0, 60.0, 85.0])
+    }
+}
 
 /// A view direction this many degrees from the normal, off the axes.
 fn view(degrees: f64) -> Vec3 {
@@ -301,15 +318,16 @@ fn mirror_of(wo: Vec3) -> Vec3 {
 
 fn ggx_samples_follow_the_density(twin: Twin) {
     let significance = sidak(0.01, SAMPLERS.len() * (ALPHAS.len() + 1) * ANGLES.len());
+    let (roughness, angles) = grid(twin);
     let mut worst = (1.0f64, String::new());
     for (k, sampler) in SAMPLERS.into_iter().enumerate() {
         let draw = sampler.open(twin);
-        let alphas = ALPHAS
-            .map(Vec2::splat)
-            .into_iter()
+        let alphas = roughness
+            .iter()
+            .map(|a| Vec2::splat(*a))
             .chain([Vec2::new(0.4, 0.1)]);
         for (j, alpha) in alphas.enumerate() {
-            for (i, degrees) in ANGLES.into_iter().enumerate() {
+            for (i, degrees) in angles.iter().copied().enumerate() {
                 let wo = view(degrees);
                 let u = random_pairs(SAMPLES, (100 * k + 10 * j + i) as u32);
                 let drawn = draw(&u, wo, alpha).into_iter().map(above);
@@ -345,11 +363,12 @@ fn dropped(draw: Draw, wo: Vec3, alpha: Vec2) -> f64 {
 }
 
 fn densities_and_dropped_samples_make_one(twin: Twin) {
+    let (roughness, angles) = grid(twin);
     for sampler in SAMPLERS {
         let draw = sampler.open(twin);
         let mut worst = 0f64;
-        for alpha in ALPHAS.map(Vec2::splat) {
-            for degrees in ANGLES {
+        for alpha in roughness.iter().map(|a| Vec2::splat(*a)) {
+            for degrees in angles.iter().copied() {
                 let wo = view(degrees);
                 let pdf = |wi: Vec3| (sampler.pdf)(wo, wi, alpha);
                 let name = format!("{} {alpha} {degrees}", sampler.pdf_name);
@@ -701,11 +720,12 @@ fn draw_stack(run: &Run, stack: &[u32], wo: Vec3, u: &[u32]) -> Vec<Drawn> {
 
 fn follow<const N: usize>(twin: Twin, stacks: fn(f32) -> Vec<Named<N>>, tests: usize) {
     let significance = sidak(0.01, tests);
+    let (roughness, angles) = grid(twin);
     let run = twin.prepare(layered_kernel::<N>("layered_sample"));
-    for (j, alpha) in ALPHAS.into_iter().enumerate() {
+    for (j, alpha) in roughness.into_iter().enumerate() {
         for Named { name, stack } in stacks(alpha) {
             let flat = stack_words(&stack);
-            for (i, degrees) in ANGLES.into_iter().enumerate() {
+            for (i, degrees) in angles.iter().copied().enumerate() {
                 let wo = view(degrees);
                 // Rows of a sixth of the samples, so that the words of a
                 // stack need not all be in memory.
@@ -742,10 +762,11 @@ fn agree<const N: usize>(twin: Twin, stacks: fn(f32) -> Vec<Named<N>>) {
         layered_kernel::<N>("layered_pdf"),
     );
     let (eval, pdf) = (twin.prepare(eval_kernel), twin.prepare(pdf_kernel));
-    for alpha in ALPHAS {
+    let (roughness, angles) = grid(twin);
+    for alpha in roughness {
         for Named { name, stack } in stacks(alpha) {
             let flat = stack_words(&stack);
-            for degrees in ANGLES {
+            for degrees in angles.iter().copied() {
                 let wo = view(degrees);
                 let drawn = draw_stack(&sample, &flat, wo, &random_triples(COUNT, 5));
                 let kept: Vec<&Drawn> = drawn.iter().filter(|d| d.direction.is_some()).collect();
@@ -808,11 +829,12 @@ fn layered_sample_value_and_density_agree_and_are_reciprocal(twin: Twin) {
 fn furnace<const N: usize>(twin: Twin, stacks: fn(f32) -> Vec<Named<N>>) {
     const COUNT: usize = 65_536;
     let sample = twin.prepare(layered_kernel::<N>("layered_sample"));
-    for alpha in ALPHAS {
+    let (roughness, angles) = grid(twin);
+    for alpha in roughness {
         for Named { name, stack } in stacks(alpha) {
             let flat = stack_words(&stack);
             let mut line = String::new();
-            for degrees in ANGLES {
+            for degrees in angles.iter().copied() {
                 let wo = view(degrees);
                 let drawn = draw_stack(&sample, &flat, wo, &random_triples(COUNT, 9));
                 let n = COUNT as f64;
