@@ -77,7 +77,8 @@ fn open_adapters() -> Result<Vec<Gpu>, GpuError> {
     // Hardware first; the order of the rest must not depend on the loader.
     found.sort_by_key(|a| {
         let info = a.get_info();
-        (info.device_type == wgpu::DeviceType::Cpu, info.name)
+        let name = info.name.to_lowercase();
+        (info.device_type == wgpu::DeviceType::Cpu, name)
     });
     found.dedup_by_key(|a| {
         let info = a.get_info();
