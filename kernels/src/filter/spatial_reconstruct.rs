@@ -362,7 +362,8 @@ fn baseline(pixel: vec2u, size: vec2u, count: u32, turn: f32) -> SpatialReconstr
             (1e-30, 1e20),
             (-1.0, 1.0),
             (1.0, -1.0),
-            (1e-38, 1e-38),
+            // The smallest normal number; smaller ones may be flushed.
+            (f32::MIN_POSITIVE, f32::MIN_POSITIVE),
         ])
         .fixture(FIXTURE, vec![0])
         .source(SOURCE)
