@@ -19,6 +19,7 @@ use raytwin::brdf::ggx::{ggx_d, ggx_d_between, ggx_half, ggx_projected_area, ggx
 use raytwin::brdf::ggx_bounded::ggx_bounded_direction_pdf;
 use raytwin::brdf::ggx_ndf::ggx_ndf_direction_pdf;
 use raytwin::brdf::ggx_visible::{ggx_visible_direction_pdf, ggx_visible_pdf};
+use raytwin::brdf::lambert::lambert_pdf;
 use raytwin::brdf::layered::{
     self, LayeredLayer, LayeredStack, layered_diffuse, layered_pdf, layered_pmf, layered_refract,
 };
@@ -348,6 +349,60 @@ fn ggx_samples_follow_the_density(twin: Twin) {
         }
     }
     println!("{}: smallest p {:.2e} ({})", twin.label(), worst.0, worst.1);
+}
+
+fn lambert_samples_follow_the_density(twin: Twin) {
+    let sample = kernel("brdf/lambert::lambert_sample");
+    let drawn = twin.prepare(&sample)(&random_pairs(SAMPLES, 41));
+    let drawn = drawn.chunks_exact(3).map(components).map(above);
+    let p = p_value(drawn, &kept_masses("lambert".into(), &lambert_pdf, Vec3::Z))
+        .unwrap_or_else(|e| panic!("{}: {e}", twin.label()));
+    println!("{}: p {p:.2e}", twin.label());
+    assert!(p > 0.01, "Lambert on {}: p = {p:e}", twin.label());
+}
+
+/// The call that gives direction and density at once, against those for one
+/// thing each.
+fn bounded_directions_are_those_of_the_separate_calls(twin: Twin) {
+    let together = kernel("brdf/ggx_bounded::ggx_bounded_direction_sample");
+    let together = twin.prepare(&together);
+    let separate = SAMPLERS[3].open(twin);
+    let u = random_pairs(1 << 14, 53);
+    let mut worst = (0f64, 0f64);
+    for alpha in [0.005, 0.05, 0.25, 1.0].map(Vec2::splat) {
+        for degrees in ANGLES {
+            let wo = view(degrees);
+            let fixed = [wo.x, wo.y, wo.z, alpha.x, alpha.y];
+            let found = together(&with_pairs(&u, &fixed));
+            for (one, [x, y, z]) in found.chunks_exact(4).zip(separate(&u, wo, alpha)) {
+                let [a, b, c] = components(&one[..3]);
+                let pdf = f64::from(float(one[3]));
+                // Both are dropped; and far below the normal is uncertain.
+                if c <= 0.0 && z < 1e-4 {
+                    assert_eq!(pdf, 0.0, "{alpha} {degrees}: below the horizon");
+                    continue;
+                }
+                let apart = ((a - x).powi(2) + (b - y).powi(2) + (c - z).powi(2)).sqrt();
+                worst.0 = worst.0.max(apart);
+                assert!(apart < 2e-5, "{alpha} {degrees}: {apart:e} apart");
+                let wi = Vec3::new(a as f32, b as f32, c as f32);
+                let truth = f64::from(ggx_bounded_direction_pdf(wo, wi, alpha));
+                // Three roundings of the direction turn the normal by that over
+                // |wo + wi|, and ln D has a slope of 2/alpha at most.
+                let m = f64::from((wo + wi).length());
+                let moved = 2.0 / f64::from(alpha.x) * 3.0 * EPS / m;
+                let off = (pdf / truth - 1.0).abs() / (1e-5 + moved);
+                worst.1 = worst.1.max(off);
+                assert!(off < 1.0, "{alpha} {degrees}: {pdf} for {truth}");
+            }
+        }
+    }
+    println!(
+        "{}: {:.1e} apart, density off by {:.2} of what rounding allows",
+        twin.label(),
+        worst.0,
+        worst.1
+    );
 }
 
 // ------------------------------------------------------------------- mass
@@ -929,6 +984,8 @@ fn twin_sample<const N: usize>() -> Run<'static> {
 }
 
 on_both_twins! {
+    lambert_samples_follow_the_density
+    bounded_directions_are_those_of_the_separate_calls
     ggx_samples_follow_the_density
     densities_and_dropped_samples_make_one
     samplers_agree_on_the_albedo_and_differ_in_variance

@@ -8,7 +8,9 @@
 use glam::{Vec2, Vec3};
 
 use super::ggx::{GGX_TINY, ggx_d, ggx_d_between, ggx_projected_area, ggx_stretched};
-use super::ggx_visible::{ggx_visible_stretch, ggx_visible_unit, ggx_visible_unstretch};
+use super::ggx_visible::{
+    ggx_visible_drop, ggx_visible_stretch, ggx_visible_unit, ggx_visible_unstretch,
+};
 use crate::math::trig::{atan2_turn, sincos_turn};
 use crate::math::vector::vec3_dot;
 
@@ -40,12 +42,14 @@ pub fn ggx_bounded_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
     let lift = ggx_bounded_lift(wo, alpha);
     let span = 1.0 + (1.0 - lift) * o.z;
     let x = u.x * span;
-    let r = (x * (2.0 - x)).max(0.0).sqrt();
+    let deep = lift * o.z;
+    let height = (1.0 - u.x) * span;
+    let r = (x * ((ggx_visible_drop(o) + deep) + height)).sqrt();
     let turn = sincos_turn(u.y);
     let m = Vec3::new(
         alpha.x * (r * turn.y + o.x),
         alpha.y * (r * turn.x + o.y),
-        (1.0 - u.x) * span + lift * o.z,
+        height + deep,
     );
     ggx_visible_unit(m)
 }
@@ -85,6 +89,72 @@ pub fn ggx_bounded_pdf(h: Vec3, wo: Vec3, alpha: Vec2) -> f32 {
         return 0.0;
     }
     ggx_d(h, alpha) * vec3_dot(wo, h).max(0.0) / area
+}
+
+/// 1/2π.
+const INV_TWO_PI: f32 = 0.15915494;
+
+/// A reflected direction with its density.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct GgxBoundedDirection {
+    /// Toward the light; unit.
+    pub direction: Vec3,
+    /// [`ggx_bounded_direction_pdf`] of it, per steradian; 0 for a sample that
+    /// is to be dropped.
+    pub pdf: f32,
+}
+
+/// [`ggx_bounded_sample`], reflected, with [`ggx_bounded_direction_pdf`]: both
+/// from the same lengths, at less than half the price of the three calls.
+///
+/// With the cap's point plus the view `n` and its stretch `m`, `wo·m` is
+/// `|wo|ₛ n²/2`, so the mirrored view is `m |wo|ₛ n²/m² - wo` without a root,
+/// and `D` is `(m²/n²)²/(π αx αy)`. A direction at or below the horizon has
+/// density 0, as has any for a viewer there.
+///
+/// Error analysis: lengths are sums of squares; what cancels is the direction
+/// itself where it meets the horizon, and `n` where the normal is at a right
+/// angle to the view.
+#[inline]
+#[must_use]
+pub fn ggx_bounded_direction_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> GgxBoundedDirection {
+    if wo.z <= 0.0 {
+        return GgxBoundedDirection {
+            direction: Vec3::Z,
+            pdf: 0.0,
+        };
+    }
+    let wide = Vec2::new(alpha.x * wo.x, alpha.y * wo.y);
+    let side = wide.x * wide.x + wide.y * wide.y;
+    let length = (side + wo.z * wo.z).sqrt();
+    let up = length + wo.z;
+    // One quotient for 1/length and for 1 - oz.
+    let inverse = 1.0 / (length * up);
+    let scale = inverse * up;
+    let ox = wide.x * scale;
+    let oy = wide.y * scale;
+    let oz = wo.z * scale;
+    let lift = ggx_bounded_lift(wo, alpha);
+    let kept = 1.0 - lift;
+    let span = 1.0 + kept * oz;
+    let x = u.x * span;
+    let deep = lift * oz;
+    let height = (1.0 - u.x) * span;
+    let drop = side * inverse;
+    let r = (x * ((drop + deep) + height)).sqrt();
+    let turn = sincos_turn(u.y);
+    let n = Vec3::new(r * turn.y + ox, r * turn.x + oy, height + deep);
+    let m = Vec3::new(alpha.x * n.x, alpha.y * n.y, n.z);
+    let ratio = vec3_dot(n, n) / vec3_dot(m, m).max(GGX_TINY);
+    let to = length * ratio;
+    let direction = Vec3::new(to * m.x - wo.x, to * m.y - wo.y, to * m.z - wo.z);
+    let area = alpha.x * alpha.y * (kept * wo.z + length);
+    let pdf = INV_TWO_PI / (ratio * ratio * area);
+    GgxBoundedDirection {
+        direction,
+        pdf: if direction.z > 0.0 { pdf } else { 0.0 },
+    }
 }
 
 /// Density of the reflected directions, per steradian: `D / (4 · area)`.

@@ -43,24 +43,35 @@ pub(crate) fn ggx_visible_unstretch(h: Vec3, alpha: Vec2) -> Vec3 {
     ))
 }
 
+/// `1 - o.z` of a unit vector, without cancelling where it points up.
+#[inline]
+pub(crate) fn ggx_visible_drop(o: Vec3) -> f32 {
+    if o.z > 0.0 {
+        return (o.x * o.x + o.y * o.y) / (1.0 + o.z);
+    }
+    1.0 - o.z
+}
+
 /// A visible normal by spherical caps; density [`ggx_visible_pdf`].
 ///
 /// `wo` may lie below the surface. Error analysis: the cap's height is `1 - x`
-/// with `x = u.x (1 + z)`, its radius `√(x (2 - x))`, and the sum with the view
-/// direction has `(1 - u.x)(1 + z)` for a height: nothing cancels but where the
-/// normal is at a right angle to the view.
+/// with `x = u.x (1 + z)`, its radius `√(x (2 - x))` with `2 - x` summed from
+/// `1 - z` and `(1 - u.x)(1 + z)`, which is also the height of the sum with the
+/// view direction: nothing cancels but where the normal is at a right angle to
+/// the view.
 #[inline]
 #[must_use]
 pub fn ggx_visible_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
     let o = ggx_visible_stretch(wo, alpha);
     let up = 1.0 + o.z;
     let x = u.x * up;
-    let r = (x * (2.0 - x)).max(0.0).sqrt();
+    let height = (1.0 - u.x) * up;
+    let r = (x * (ggx_visible_drop(o) + height)).sqrt();
     let turn = sincos_turn(u.y);
     let m = Vec3::new(
         alpha.x * (r * turn.y + o.x),
         alpha.y * (r * turn.x + o.y),
-        (1.0 - u.x) * up,
+        height,
     );
     ggx_visible_unit(m)
 }

@@ -5,6 +5,12 @@ pub use raytwin_cpu::brdf::ggx_bounded::*;
 /// The WGSL twin, without what it requires.
 pub const WGSL: &str = raytwin_wgsl::brdf::GGX_BOUNDED;
 
+#[cfg(feature = "contract")]
+crate::value_struct!(GgxBoundedDirection {
+    direction: glam::Vec3,
+    pdf: f32,
+});
+
 /// The paper's bound in double precision.
 #[cfg(feature = "contract")]
 pub(crate) mod exact {
@@ -66,7 +72,43 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         .into_iter()
         .flat_map(|o| ALPHAS.map(|a| (ggx_bounded_sample(Vec2::new(0.3, 0.2), o, a), o, a)));
 
+    fn reflected(u: DVec2, o: DVec3, a: DVec2) -> (DVec3, f64) {
+        if o.z <= 0.0 {
+            return (DVec3::Z, 0.0);
+        }
+        let d = ggx::reflect(o, caps::sample(u, o, a, exact::depth(o, a)));
+        (d, exact::direction_pdf(o, d, a))
+    }
+
     vec![
+        Kernel::new(
+            MODULE,
+            "ggx_bounded_direction_sample",
+            ["u", "wo", "alpha"],
+            ggx_bounded_direction_sample,
+            reflected,
+            (domains::unit_pair(), upper(), alpha()),
+        )
+        // The direction's errors are absolute, the density's relative.
+        .scale_by(|u: DVec2, o: DVec3, a: DVec2| {
+            let depth = exact::depth(o, a);
+            let lost = caps::condition(u, o, a, depth) + caps::condition_stretched(u, o, a, depth);
+            (1.0 + lost) * (1.0 + reflected(u, o, a).1)
+        })
+        // Dropped or not.
+        .undecided(|u: DVec2, o: DVec3, a: DVec2| {
+            let depth = exact::depth(o, a);
+            let lost = caps::condition(u, o, a, depth) + caps::condition_stretched(u, o, a, depth);
+            lost > caps::LOST || reflected(u, o, a).0.z.abs() < 1e-6 * (1.0 + lost)
+        })
+        .few_ulp(8.5, 127.0)
+        .hard(
+            hard_sample
+                .clone()
+                .chain([(Vec2::splat(0.5), -Vec3::Z, Vec2::ONE)]),
+        )
+        .source(PAPER)
+        .build(),
         Kernel::new(
             MODULE,
             "ggx_bounded_lift",
@@ -97,7 +139,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         .undecided(|u: DVec2, o: DVec3, a: DVec2| {
             caps::condition(u, o, a, exact::depth(o, a)) > caps::LOST
         })
-        .few_ulp(5.25, 33.0)
+        .few_ulp(5.25, 37.5)
         .hard(hard_sample)
         .source(PAPER)
         .build(),

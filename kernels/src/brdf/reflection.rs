@@ -170,7 +170,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 || (o + d).length() < 1e-3
                 || caps::condition(u, o, a, 1.0) > caps::LOST
         })
-        .few_ulp(2.75, 41.0)
+        .few_ulp(3.75, 84.0)
         .hard(hard_sample)
         .source(CHAPTER)
         .build(),

@@ -22,12 +22,14 @@ fn ggx_bounded_sample(u: vec2f, wo: vec3f, alpha: vec2f) -> vec3f {
     let lift = ggx_bounded_lift(wo, alpha);
     let span = 1.0 + (1.0 - lift) * o.z;
     let x = u.x * span;
-    let r = sqrt(max(x * (2.0 - x), 0.0));
+    let deep = lift * o.z;
+    let height = (1.0 - u.x) * span;
+    let r = sqrt(x * ((ggx_visible_drop(o) + deep) + height));
     let turn = sincos_turn(u.y);
     let m = vec3f(
         alpha.x * (r * turn.y + o.x),
         alpha.y * (r * turn.x + o.y),
-        (1.0 - u.x) * span + lift * o.z,
+        height + deep,
     );
     return ggx_visible_unit(m);
 }
@@ -60,6 +62,56 @@ fn ggx_bounded_pdf(h: vec3f, wo: vec3f, alpha: vec2f) -> f32 {
         return 0.0;
     }
     return ggx_d(h, alpha) * max(vec3_dot(wo, h), 0.0) / area;
+}
+
+// 1/2pi.
+const GGX_BOUNDED_INV_TWO_PI: f32 = 0.15915494;
+
+// A reflected direction with its density.
+struct GgxBoundedDirection {
+    // Toward the light; unit.
+    direction: vec3f,
+    // Per steradian; 0 for a sample that is to be dropped.
+    pdf: f32,
+}
+
+// ggx_bounded_sample, reflected, with ggx_bounded_direction_pdf, from the same
+// lengths: wo.m is |wo|_s n^2/2, and D is (m^2/n^2)^2 / (pi ax ay).
+fn ggx_bounded_direction_sample(u: vec2f, wo: vec3f, alpha: vec2f) -> GgxBoundedDirection {
+    if wo.z <= 0.0 {
+        return GgxBoundedDirection(vec3f(0.0, 0.0, 1.0), 0.0);
+    }
+    let wide = vec2f(alpha.x * wo.x, alpha.y * wo.y);
+    let side = wide.x * wide.x + wide.y * wide.y;
+    let length = sqrt(side + wo.z * wo.z);
+    let up = length + wo.z;
+    // One quotient for 1/length and for 1 - oz.
+    let inverse = 1.0 / (length * up);
+    let scale = inverse * up;
+    let ox = wide.x * scale;
+    let oy = wide.y * scale;
+    let oz = wo.z * scale;
+    let lift = ggx_bounded_lift(wo, alpha);
+    let kept = 1.0 - lift;
+    let span = 1.0 + kept * oz;
+    let x = u.x * span;
+    let deep = lift * oz;
+    let height = (1.0 - u.x) * span;
+    let drop = side * inverse;
+    let r = sqrt(x * ((drop + deep) + height));
+    let turn = sincos_turn(u.y);
+    let n = vec3f(
+        r * turn.y + ox,
+        r * turn.x + oy,
+        height + deep,
+    );
+    let m = vec3f(alpha.x * n.x, alpha.y * n.y, n.z);
+    let ratio = vec3_dot(n, n) / max(vec3_dot(m, m), GGX_TINY);
+    let to = length * ratio;
+    let direction = vec3f(to * m.x - wo.x, to * m.y - wo.y, to * m.z - wo.z);
+    let area = alpha.x * alpha.y * (kept * wo.z + length);
+    let pdf = GGX_BOUNDED_INV_TWO_PI / (ratio * ratio * area);
+    return GgxBoundedDirection(direction, select(0.0, pdf, direction.z > 0.0));
 }
 
 // Density of the reflected directions, per steradian; 0 at and below the

@@ -28,17 +28,26 @@ fn ggx_visible_unstretch(h: vec3f, alpha: vec2f) -> vec3f {
     ));
 }
 
+// 1 - o.z of a unit vector, without cancelling where it points up.
+fn ggx_visible_drop(o: vec3f) -> f32 {
+    if o.z > 0.0 {
+        return (o.x * o.x + o.y * o.y) / (1.0 + o.z);
+    }
+    return 1.0 - o.z;
+}
+
 // A visible normal by spherical caps.
 fn ggx_visible_sample(u: vec2f, wo: vec3f, alpha: vec2f) -> vec3f {
     let o = ggx_visible_stretch(wo, alpha);
     let up = 1.0 + o.z;
     let x = u.x * up;
-    let r = sqrt(max(x * (2.0 - x), 0.0));
+    let height = (1.0 - u.x) * up;
+    let r = sqrt(x * (ggx_visible_drop(o) + height));
     let turn = sincos_turn(u.y);
     let m = vec3f(
         alpha.x * (r * turn.y + o.x),
         alpha.y * (r * turn.x + o.y),
-        (1.0 - u.x) * up,
+        height,
     );
     return ggx_visible_unit(m);
 }
