@@ -1,4 +1,5 @@
 //! Microbenchmarks and the speed-against-error report.
 
+pub mod reflections;
 pub mod report;
 pub mod stages;

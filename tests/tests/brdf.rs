@@ -376,7 +376,7 @@ fn bounded_directions_are_those_of_the_separate_calls(twin: Twin) {
             let found = together(&with_pairs(&u, &fixed));
             for (one, [x, y, z]) in found.chunks_exact(4).zip(separate(&u, wo, alpha)) {
                 let [a, b, c] = components(&one[..3]);
-                let pdf = f64::from(float(one[3]));
+                let pdf = float(one[3]);
                 // Both are dropped; and far below the normal is uncertain.
                 if c <= 0.0 && z < 1e-4 {
                     assert_eq!(pdf, 0.0, "{alpha} {degrees}: below the horizon");
@@ -639,6 +639,48 @@ fn trimming_loses_the_tail_and_no_more() {
             (before - expected).abs() < 5e-3,
             "{degrees}: {before} for {expected}"
         );
+    }
+}
+
+/// A filter that divides by the sum of its weights gives back the energy that
+/// trimming takes; what stays wrong is the tail's shape.
+#[test]
+fn a_ratio_of_sums_corrects_the_energy_of_trimming() {
+    const SIDE: u16 = 512;
+    let alpha = Vec2::splat(0.5);
+    for degrees in [0.0, 45.0, 75.0] {
+        let wo = view(degrees);
+        let mirror = mirror_of(wo);
+        // What lies ahead: the same everywhere; or brighter toward the mirror.
+        for (name, slope) in [("even light", 0.0f32), ("a gradient", 0.5)] {
+            let estimates = |trim: f32| {
+                let (mut plain, mut weights) = (0.0, 0.0);
+                for i in 0..u32::from(SIDE) * u32::from(SIDE) {
+                    let at = |k: u32| (k as f32 + 0.5) / f32::from(SIDE);
+                    let u = Vec2::new(at(i % u32::from(SIDE)), at(i / u32::from(SIDE)));
+                    let ray = reflection_trimmed_sample(u, wo, alpha, trim);
+                    if ray.pdf > 0.0 {
+                        let value = cook_torrance_eval(wo, ray.direction, alpha, Vec3::ONE).x;
+                        let weight = f64::from(value * ray.direction.z / ray.pdf);
+                        let light = 1.0 + slope * vec3_dot(mirror, ray.direction);
+                        plain += weight * f64::from(light);
+                        weights += weight;
+                    }
+                }
+                (plain / f64::from(SIDE).powi(2), plain / weights)
+            };
+            let (truth, mean) = estimates(1.0);
+            let (trimmed, corrected) = estimates(0.8);
+            let lost = 1.0 - trimmed / truth;
+            let left = (corrected / mean - 1.0).abs();
+            println!("{degrees} degrees, {name}: plain loses {lost:.3}, a ratio errs by {left:.4}");
+            if slope == 0.0 {
+                assert!(left < 1e-6, "{degrees}: {left}");
+            } else if degrees > 0.0 {
+                // Straight on the last fifth is below the horizon anyway.
+                assert!(left < 0.75 * lost.abs(), "{degrees}: {left} of {lost}");
+            }
+        }
     }
 }
 

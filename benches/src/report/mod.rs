@@ -9,6 +9,7 @@ mod bvh;
 mod error;
 pub mod kernels;
 mod machine;
+mod materials;
 mod names;
 mod output;
 mod page;
@@ -28,6 +29,7 @@ use raytwin_tests::gpu::{self, Gpu};
 use raytwin_tests::rays::families;
 use raytwin_tests::scene::{Scene, sponza_path};
 
+use crate::reflections::{self, ReflectionGpu, ReflectionScene, ReflectionSettings};
 use crate::stages::{self, Backend, GpuStages, PIXELS_MAX, StageError, StageScene, StageSettings};
 
 pub use error::ReportError;
@@ -36,8 +38,8 @@ use names::Only;
 use output::Output;
 use progress::Progress;
 use schema::{
-    ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, Report, Settings, SlopeRow,
-    StageRow,
+    BallRow, ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, ReflectionRow, Report,
+    Settings, SlopeRow, StageRow,
 };
 use traversal::Traversal;
 
@@ -103,6 +105,7 @@ struct Run<'a> {
     meshes: Vec<Scene>,
     gpus: Vec<&'static Gpu>,
     stage_settings: StageSettings,
+    reflection_settings: ReflectionSettings,
     kernel_settings: kernels::KernelSettings,
     bvh_settings: bvh::BvhSettings,
     output: Output,
@@ -113,6 +116,23 @@ fn stage_entry(scene: &str, stage: &str) -> String {
     format!("stages/{scene}/{stage}")
 }
 
+/// The stage that `crate::reflections` renders.
+const REFLECTIONS: &str = "reflections";
+
+/// Samplers, layers and the goals.
+const MATERIALS: &str = "materials";
+
+/// Entries of a scene that need it loaded.
+fn scene_entries(scene: &str) -> Vec<String> {
+    let stages = stages::Stage::ALL.map(stages::Stage::name);
+    let others = ["convergence", REFLECTIONS];
+    stages
+        .into_iter()
+        .chain(others)
+        .map(|stage| stage_entry(scene, stage))
+        .collect()
+}
+
 impl<'a> Run<'a> {
     /// Checks everything that the caller gave before any work.
     fn new(options: &'a Options, progress: &'a Progress) -> Result<Self, ReportError> {
@@ -121,12 +141,18 @@ impl<'a> Run<'a> {
         } else {
             StageSettings::quick()
         };
+        let mut reflection_settings = if options.full {
+            ReflectionSettings::full()
+        } else {
+            ReflectionSettings::quick()
+        };
         if let Some((width, height)) = options.size {
             let pixels = u64::from(width) * u64::from(height);
             if pixels == 0 || pixels > PIXELS_MAX {
                 return Err(StageError::Size { width, height }.into());
             }
             (stage_settings.width, stage_settings.height) = (width, height);
+            (reflection_settings.width, reflection_settings.height) = (width, height);
         }
         let kernels: Vec<Kernel> = raytwin::registry()
             .into_iter()
@@ -146,10 +172,9 @@ impl<'a> Run<'a> {
 
         let mut names: Vec<String> = kernels.iter().map(Kernel::path).collect();
         for scene in &scene_names {
-            let stages = stages::Stage::ALL.map(|stage| stage_entry(scene, stage.name()));
-            names.extend(stages);
+            names.extend(scene_entries(scene));
         }
-        names.push(stage_entry(&scene_names[0], "convergence"));
+        names.push(MATERIALS.into());
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
         names.push("bvh/families".into());
         let only = Only::new(options.only.as_deref(), &names)?;
@@ -172,9 +197,7 @@ impl<'a> Run<'a> {
         };
         let mut scenes = Vec::new();
         for name in &scene_names {
-            let stages = stages::Stage::ALL.map(|stage| stage_entry(name, stage.name()));
-            let convergence = stage_entry(name, "convergence");
-            if stages.iter().chain([&convergence]).any(|e| only.takes(e)) {
+            if scene_entries(name).iter().any(|e| only.takes(e)) {
                 scenes.push(load(name)?);
             }
         }
@@ -245,6 +268,7 @@ impl<'a> Run<'a> {
             meshes,
             gpus,
             stage_settings,
+            reflection_settings,
             kernel_settings,
             bvh_settings,
             output,
@@ -255,6 +279,7 @@ impl<'a> Run<'a> {
     fn measure(mut self) -> Result<Written, ReportError> {
         self.measure_kernels()?;
         self.measure_bvh()?;
+        self.measure_materials()?;
         let pictures = self.measure_stages()?;
         let plots = plots::all(&self.report)?;
         let Self {
@@ -303,6 +328,60 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    fn measure_materials(&mut self) -> Result<(), ReportError> {
+        if !self.only.takes(MATERIALS) {
+            return Ok(());
+        }
+        let runs = self.kernel_settings.runs;
+        let with_cpu = !self.options.gpu_only;
+        self.progress.part("materials", 3);
+        self.progress.step("samplers");
+        if with_cpu {
+            self.report.samplers = materials::samplers(runs);
+        }
+        self.progress.step("layers");
+        self.report.layers = materials::layers(runs, with_cpu, &self.gpus)?;
+        self.progress.step("goals");
+        if with_cpu {
+            self.report.goals = materials::goals(runs, &self.report.layers);
+        }
+        let by_hand = materials::by_hand(&self.kernels, runs, &self.gpus)?;
+        self.report.goals.extend(by_hand);
+        Ok(())
+    }
+
+    fn measure_reflections(
+        &mut self,
+        scene: &StageScene,
+        progress: &dyn Fn(&str),
+    ) -> Result<Vec<Shown>, ReportError> {
+        let mut shown = Vec::new();
+        let Some(scene) = ReflectionScene::new(scene) else {
+            return Ok(shown);
+        };
+        let compiled: Result<Vec<_>, _> = self.gpus.iter().map(|g| ReflectionGpu::new(g)).collect();
+        let compiled = compiled?;
+        let mut backends = Vec::new();
+        if !self.options.gpu_only {
+            backends.push(reflections::Backend::Cpu);
+        }
+        backends.extend(compiled.iter().map(reflections::Backend::Gpu));
+        for view in 0..scene.views().len() {
+            let run =
+                reflections::measure(&scene, view, &self.reflection_settings, &backends, progress)?;
+            self.report
+                .reflections
+                .extend(run.results.into_iter().map(reflection_row));
+            self.report
+                .reflection_balls
+                .extend(run.balls.into_iter().map(ball_row));
+            for picture in run.pictures {
+                shown.push(show_reflection(scene.views()[view], picture)?);
+            }
+        }
+        Ok(shown)
+    }
+
     fn measure_bvh(&mut self) -> Result<(), ReportError> {
         let with_families = self.only.takes("bvh/families");
         let families = if with_families {
@@ -349,7 +428,8 @@ impl<'a> Run<'a> {
         let mut shown = Vec::new();
         let scenes = std::mem::take(&mut self.scenes);
         self.progress.part("stages", scenes.len());
-        let progress = |what: &str| self.progress.step(what);
+        let shown_progress = self.progress;
+        let progress = |what: &str| shown_progress.step(what);
         for scene in scenes {
             let name = scene.name.clone();
             let scene = StageScene::new(scene)?;
@@ -363,6 +443,9 @@ impl<'a> Run<'a> {
                         shown.push(show(picture)?);
                     }
                 }
+            }
+            if self.only.takes(&stage_entry(&name, REFLECTIONS)) {
+                shown.extend(self.measure_reflections(&scene, &progress)?);
             }
             // Only the first scene: the sampler's slope is what counts, and it
             // takes half of the time.
@@ -422,6 +505,69 @@ fn show(picture: stages::Picture) -> Result<Shown, ReportError> {
             file: format!("pictures/{}.png", picture.id),
             scene: picture.scene,
             stage: picture.stage.map(|s| s.name().into()),
+            variant: picture.variant,
+            backend: picture.backend,
+            difference: picture.is_difference,
+            caption: picture.caption,
+        },
+    })
+}
+
+fn reflection_row(r: reflections::ReflectionResult) -> ReflectionRow {
+    ReflectionRow {
+        scene: r.scene,
+        view: r.view,
+        backend: r.backend,
+        neighbours: r.neighbours,
+        bilateral: r.bilateral,
+        trace_ms: r.trace_ms,
+        filter_ms: r.filter_ms,
+        rmse: r.rmse,
+        bias: r.bias,
+        rays_by_variance: r.rays_by_variance,
+        rays_by_error: r.rays_by_error,
+        parity_rmse: r.parity_rmse,
+        differing: r.differing,
+        pixels: r.pixels,
+    }
+}
+
+fn ball_row(b: reflections::BallResult) -> BallRow {
+    BallRow {
+        scene: b.scene,
+        view: b.view,
+        roughness: b.roughness,
+        coated: b.coated,
+        neighbours: b.neighbours,
+        bilateral: b.bilateral,
+        rays_by_variance: b.rays_by_variance,
+        rays_by_error: b.rays_by_error,
+    }
+}
+
+fn show_reflection(
+    view: &str,
+    picture: reflections::ReflectionPicture,
+) -> Result<Shown, ReportError> {
+    let difference = if picture.is_difference {
+        "difference"
+    } else {
+        ""
+    };
+    let id = stages::slug(&[
+        &picture.scene,
+        REFLECTIONS,
+        view,
+        &picture.variant,
+        &picture.backend,
+        difference,
+    ]);
+    Ok(Shown {
+        png: picture.image.to_png()?,
+        row: PictureRow {
+            file: format!("pictures/{id}.png"),
+            scene: picture.scene,
+            stage: Some(format!("{REFLECTIONS}_{view}")),
             variant: picture.variant,
             backend: picture.backend,
             difference: picture.is_difference,

@@ -46,7 +46,13 @@ fn grouped(n: usize) -> String {
 
 pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> String {
     let is_error = |p: &&Drawn| p.row.file.contains("speed-error");
-    let (errors, lines): (Vec<&Drawn>, Vec<&Drawn>) = plots.iter().partition(is_error);
+    let (errors, rest): (Vec<&Drawn>, Vec<&Drawn>) = plots.iter().partition(is_error);
+    let is_material = |p: &&Drawn| {
+        let title = &p.row.title;
+        super::plots::MATERIALS.iter().any(|m| title.starts_with(m))
+    };
+    let (material, lines): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_material);
+    let with_materials = !material.is_empty() || !report.goals.is_empty();
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -68,6 +74,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                     @if !report.kernels.is_empty() { a href="#kernels" { "Kernels" } }
                     @if !report.bvh.is_empty() { a href="#traversal" { "Traversal" } }
                     @if !report.families.is_empty() { a href="#hard" { "Hard rays" } }
+                    @if with_materials { a href="#materials" { "Materials" } }
                     @if !pictures.is_empty() { a href="#pictures" { "Pictures" } }
                     @if !lines.is_empty() { a href="#convergence" { "Convergence" } }
                     a href="#settings" { "Settings" }
@@ -77,6 +84,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                 @if !report.kernels.is_empty() { (kernels(report)) }
                 @if !report.bvh.is_empty() { (traversal(report)) }
                 @if !report.families.is_empty() { (hard(report)) }
+                @if with_materials { (materials(report, &material)) }
                 @if !pictures.is_empty() { (pictures_section(report, pictures)) }
                 @if !lines.is_empty() { (convergence(report, &lines)) }
                 (settings(report))
@@ -526,6 +534,138 @@ fn figure(report: &Report, shown: &Shown) -> Markup {
     } }
 }
 
+fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
+    let figures = |head: &str| {
+        let chosen: Vec<&&Drawn> = plots
+            .iter()
+            .filter(|p| p.row.title.starts_with(head))
+            .collect();
+        html! { @if !chosen.is_empty() {
+            div.plots { @for plot in chosen { figure { (PreEscaped(&plot.svg)) } } }
+        } }
+    };
+    html! {
+        h2 #materials { "Materials" }
+        @if !report.goals.is_empty() {
+            h3 { "Goals" }
+            p.note { "Ratios of times from one run, each pair in turns: medians. They are aims and no tests; a machine that is shared may miss one by noise." }
+            div.scroll { table {
+                thead { tr { th { "Ratio" } th.left { "Back end" } th { "Measured" } th { "Goal" } th.left { "From" } } }
+                tbody { @for g in &report.goals { tr {
+                    td { (g.name) }
+                    td.left title=(g.backend) { (short(&g.backend)) }
+                    td.bad[g.measured > g.limit] { (format!("{:.2}", g.measured)) }
+                    td { "< " (g.limit) }
+                    td.left { (g.detail) }
+                } } }
+            } }
+            @for g in &report.goals { @if let Some(shader) = &g.shader {
+                details { summary { "The shader by hand: " (g.name) } pre { (shader) } }
+            } }
+        }
+        @if !report.samplers.is_empty() {
+            h3 { "GGX samplers" }
+            p {
+                "Efficiency is one over variance times nanoseconds of a direction with its density, here over that of sampling the normal distribution: "
+                "2 means as good a mean in half the time. The variance is that of value times cosine over density with a Fresnel term of one, dropped samples included."
+            }
+            (figures("Samplers"))
+        }
+        @if !report.layers.is_empty() { (layers(report)) (figures("Layers")) }
+        @if !report.reflections.is_empty() {
+            h3 { "A quarter of a ray a pixel" }
+            p {
+                "Copper balls of roughness 0.1 to 0.85, in front under a clear coat, trace one ray for four pixels; each pixel gathers its neighbours' hits. "
+                "The chapter says that this reduces variance like shooting 16 rays a pixel. We measure how many rays of its own a pixel would need for the same variance, "
+                "and for the same error, which counts the bias too (a ratio of sums, and neighbours with other normals), over all balls; the plots below show it by roughness. "
+                "A mirror gains nothing. The dashed line is what more rays of a pixel's own would give in the same time: a point below it is worth its filters, and where rays are cheap beside the material (as on a processor) it may not be."
+            }
+            (reflection_table(report))
+            (figures("Worth"))
+            (figures("Reconstruction"))
+        }
+    }
+}
+
+fn layers(report: &Report) -> Markup {
+    let adapters: Vec<&String> = report
+        .layers
+        .first()
+        .map(|r| r.gpu_ns.keys().collect())
+        .unwrap_or_default();
+    let cpu = report.settings.cpu;
+    html! {
+        h3 { "Layers" }
+        p {
+            "A paint of four layers over a diffuse base, and the best choice of fewer: nanoseconds of density, value and sample, "
+            "and how much of the reflected light is then in the wrong place (mean over six views). The number of layers is a constant of the program."
+        }
+        div.scroll { table {
+            thead {
+                tr {
+                    th {} th {} th {}
+                    @if cpu { th.group colspan="3" { "cpu" } }
+                    @for a in &adapters { th.group colspan="3" { (short(a)) } }
+                }
+                tr {
+                    th { "Layers" } th.left { "Kept" } th { "Misplaced" }
+                    @for _ in 0..adapters.len() + usize::from(cpu) { th { "density" } th { "value" } th { "sample" } }
+                }
+            }
+            tbody { @for r in &report.layers { tr {
+                td { (r.layers) }
+                td.left { (r.kept) }
+                td { (number(r.error)) }
+                @if cpu { @for ns in r.cpu_ns { td { (optional(ns)) } } }
+                @for a in &adapters {
+                    @for ns in r.gpu_ns.get(*a).copied().unwrap_or_default() { td { (optional(ns)) } }
+                }
+            } } }
+        } }
+    }
+}
+
+fn reflection_table(report: &Report) -> Markup {
+    html! { div.scroll { table {
+        thead { tr {
+            th { "View" } th.left { "Back end" } th.left { "Variant" } th { "Rays, ms" } th { "Filters, ms" }
+            th { "RMSE" } th { "Bias" } th { "Rays by variance" } th { "Rays by error" } th { "Pixels unlike cpu" }
+        } }
+        tbody { @for r in &report.reflections { tr {
+            td { (r.scene) ", " (r.view) }
+            td.left title=(r.backend) { (short(&r.backend)) }
+            td.left {
+                @if r.neighbours == 0 { "a ray of its own" }
+                @else { "quarter ray, " (r.neighbours) @if r.bilateral { ", bilateral" } }
+            }
+            td { (number(r.trace_ms)) }
+            td { (number(r.filter_ms)) }
+            td { (number(r.rmse)) }
+            td { (optional(r.bias)) }
+            td { (optional(r.rays_by_variance)) }
+            td { (optional(r.rays_by_error)) }
+            td { @match r.differing {
+                Some(n) => { (grouped(n)) small { " of " (grouped(r.pixels)) } }
+                None => span.off { "–" },
+            } }
+        } } }
+    } } }
+}
+
+/// The reflections' views of a scene, in order.
+fn reflection_stages<'a>(pictures: &[&'a Shown]) -> Vec<&'a str> {
+    let mut out = Vec::new();
+    for p in pictures {
+        if let Some(stage) = p.row.stage.as_deref()
+            && stage.starts_with(super::REFLECTIONS)
+            && !out.contains(&stage)
+        {
+            out.push(stage);
+        }
+    }
+    out
+}
+
 fn stage_title(stage: &str) -> String {
     crate::stages::Stage::ALL
         .iter()
@@ -552,12 +692,18 @@ fn pictures_section(report: &Report, pictures: &[Shown]) -> Markup {
             @let of_scene: Vec<&Shown> = pictures.iter().filter(|p| p.row.scene == scene).collect();
             h3 { (scene) }
             @for p in of_scene.iter().filter(|p| p.row.stage.is_none()) { div.hero { (figure(report, p)) } }
-            (stage_table(report, scene))
+            @if report.stages.iter().any(|r| r.scene == scene) { (stage_table(report, scene)) }
             @for stage in crate::stages::Stage::ALL {
                 @let of_stage: Vec<&&Shown> = of_scene.iter().filter(|p| p.row.stage.as_deref() == Some(stage.name())).collect();
                 @if !of_stage.is_empty() {
                     h4 { (stage.title()) }
                     div.pictures { @for p in of_stage { (figure(report, p)) } }
+                }
+            }
+            @for stage in reflection_stages(&of_scene) {
+                h4 { "Reflections, " (stage.trim_start_matches("reflections_")) }
+                div.pictures {
+                    @for p in of_scene.iter().filter(|p| p.row.stage.as_deref() == Some(stage)) { (figure(report, p)) }
                 }
             }
         }

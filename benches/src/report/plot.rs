@@ -162,10 +162,15 @@ impl Plot {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let stems = self.series.iter().flat_map(|s| s.stems.iter().copied());
         let mut y = Axis::new(points().map(|p| p.1).chain(stems), FRAME.3, FRAME.1);
-        if self.series.iter().any(|s| !s.joined) {
-            // Falling lines leave the lower left to the legend; scattered
-            // points are kept above it.
-            let legend = f64::from(18 * self.series.len() as i32 + 14);
+        let falls = |s: &Series| match (s.points.first(), s.points.last()) {
+            (Some(first), Some(last)) => s.joined && last.1 < 0.8 * first.1,
+            _ => true,
+        };
+        if !self.series.iter().all(falls) {
+            // Falling lines leave the lower left to the legend; others are kept
+            // above it.
+            let rows = self.series.len() + usize::from(self.guide.is_some());
+            let legend = f64::from(18 * rows as i32 + 14);
             let height = f64::from(FRAME.3 - FRAME.1);
             y.low -= (y.high - y.low) * legend / (height - legend);
         }

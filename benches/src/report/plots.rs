@@ -2,7 +2,7 @@
 
 use super::error::ReportError;
 use super::plot::{Plot, Series, Ticks};
-use super::schema::{ConvergenceRow, KernelRow, PlotRow, Report};
+use super::schema::{BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report};
 use super::{Drawn, page};
 
 /// An error of zero has no logarithm: it is drawn here.
@@ -43,7 +43,199 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
             out.push(drawn(file, &plot)?);
         }
     }
+    for plot in materials(report) {
+        out.push(drawn(format!("plots/{}.svg", slug(&plot.title)), &plot)?);
+    }
     Ok(out)
+}
+
+/// Plots whose title begins with this belong to the materials.
+pub(super) const MATERIALS: [&str; 4] = ["Samplers", "Layers", "Reconstruction", "Worth"];
+
+/// An error of nothing has no logarithm: it is drawn here.
+const NOTHING_LOST: f64 = 1e-3;
+
+fn series(name: String, colour: usize, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        name,
+        colour,
+        points,
+        labels: Vec::new(),
+        stems: Vec::new(),
+        joined: true,
+    }
+}
+
+/// What occurs in some rows, in order, each once.
+fn distinct<T, K: PartialEq>(rows: &[T], key: impl Fn(&T) -> K) -> Vec<K> {
+    let mut out = Vec::new();
+    for row in rows {
+        let k = key(row);
+        if !out.contains(&k) {
+            out.push(k);
+        }
+    }
+    out
+}
+
+fn materials(report: &Report) -> Vec<Plot> {
+    let mut out = Vec::new();
+    for degrees in distinct(&report.samplers, |r| r.degrees) {
+        let names = distinct(&report.samplers, |r| r.sampler.clone());
+        let lines = names.into_iter().enumerate().map(|(k, name)| {
+            let points = report
+                .samplers
+                .iter()
+                .filter(|r| r.sampler == name && r.degrees == degrees)
+                .map(|r| (f64::from(r.alpha), r.efficiency))
+                .collect();
+            series(name, k, points)
+        });
+        out.push(Plot {
+            title: format!("Samplers at {degrees} degrees"),
+            x_label: "GGX roughness α".into(),
+            y_label: "efficiency over the normal distribution's".into(),
+            x_ticks: Ticks::Decimal,
+            series: lines.collect(),
+            guide: None,
+        });
+    }
+    if let Some(plot) = layers(report) {
+        out.push(plot);
+    }
+    let views = distinct(&report.reflections, |r| (r.scene.clone(), r.view.clone()));
+    for (scene, view) in &views {
+        let here = |r: &&ReflectionRow| r.scene == *scene && r.view == *view;
+        let rows: Vec<&ReflectionRow> = report.reflections.iter().filter(here).collect();
+        for backend in distinct(&rows, |r| r.backend.clone()) {
+            out.push(reconstruction(scene, view, &backend, &rows));
+        }
+        let balls: Vec<&BallRow> = report
+            .reflection_balls
+            .iter()
+            .filter(|b| b.scene == *scene && b.view == *view)
+            .collect();
+        out.push(worth(scene, view, &balls));
+    }
+    out
+}
+
+/// Light that is misplaced with fewer layers, against their cost.
+fn layers(report: &Report) -> Option<Plot> {
+    let first = report.layers.first()?;
+    let mut backends: Vec<Option<&String>> = first.gpu_ns.keys().map(Some).collect();
+    if first.cpu_ns[1].is_some() {
+        backends.insert(0, None);
+    }
+    let lines = backends.into_iter().enumerate().map(|(k, backend)| {
+        let rows: Vec<_> = report
+            .layers
+            .iter()
+            .filter_map(|r| {
+                let ns = match backend {
+                    None => r.cpu_ns[1],
+                    Some(label) => r.gpu_ns.get(label).and_then(|ns| ns[1]),
+                };
+                ns.map(|ns| (r.layers, (ns, r.error.max(NOTHING_LOST))))
+            })
+            .collect();
+        Series {
+            labels: rows.iter().map(|r| r.0.to_string()).collect(),
+            ..series(
+                backend.map_or("cpu".into(), |b| page::short(b).to_owned()),
+                k,
+                rows.iter().map(|r| r.1).collect(),
+            )
+        }
+    });
+    Some(Plot {
+        title: "Layers of a paint".into(),
+        x_label: "nanoseconds of layered_eval".into(),
+        y_label: "misplaced light (none: 0.001)".into(),
+        x_ticks: Ticks::Decimal,
+        series: lines.collect(),
+        guide: None,
+    })
+}
+
+/// Error against time of the reconstruction, and what more rays would give.
+fn reconstruction(scene: &str, view: &str, backend: &str, rows: &[&ReflectionRow]) -> Plot {
+    let here: Vec<&&ReflectionRow> = rows.iter().filter(|r| r.backend == backend).collect();
+    let own = here.iter().find(|r| r.neighbours == 0);
+    let lines = [false, true].into_iter().enumerate().map(|(k, bilateral)| {
+        let chosen: Vec<_> = here
+            .iter()
+            .filter(|r| r.neighbours > 0 && r.bilateral == bilateral)
+            .collect();
+        Series {
+            labels: chosen.iter().map(|r| r.neighbours.to_string()).collect(),
+            ..series(
+                if bilateral {
+                    "neighbours, then bilateral"
+                } else {
+                    "neighbours, by number"
+                }
+                .into(),
+                k,
+                chosen
+                    .iter()
+                    .map(|r| (r.trace_ms + r.filter_ms, r.rmse))
+                    .collect(),
+            )
+        }
+    });
+    let mut lines: Vec<Series> = lines.collect();
+    let guide = own.map(|r| {
+        lines.push(Series {
+            labels: vec!["1 ray".into()],
+            ..series("a pixel's own ray".into(), 2, vec![(r.trace_ms, r.rmse)])
+        });
+        (
+            r.rmse * r.trace_ms.sqrt(),
+            -0.5,
+            "more rays of its own".to_owned(),
+        )
+    });
+    Plot {
+        title: format!(
+            "Reconstruction: {scene}, {view}, on {}",
+            page::short(backend)
+        ),
+        x_label: "milliseconds for rays and filters".into(),
+        y_label: "RMSE to the reference".into(),
+        x_ticks: Ticks::Decimal,
+        series: lines,
+        guide,
+    }
+}
+
+/// Rays of its own that a pixel would need, by roughness.
+fn worth(scene: &str, view: &str, balls: &[&BallRow]) -> Plot {
+    let kinds = [(false, false), (true, false), (false, true), (true, true)];
+    let lines = kinds
+        .into_iter()
+        .enumerate()
+        .map(|(k, (coated, bilateral))| {
+            let name = format!(
+                "{}{}",
+                if coated { "coated" } else { "bare" },
+                if bilateral { ", then bilateral" } else { "" }
+            );
+            let points = balls
+                .iter()
+                .filter(|b| b.coated == coated && b.bilateral == bilateral)
+                .map(|b| (f64::from(b.roughness), b.rays_by_variance))
+                .collect();
+            series(name, k, points)
+        });
+    Plot {
+        title: format!("Worth of 16 neighbours: {scene}, {view}"),
+        x_label: "perceptual roughness".into(),
+        y_label: "rays a pixel with the same variance".into(),
+        x_ticks: Ticks::Decimal,
+        series: lines.collect(),
+        guide: Some((16.0, 0.0, "16 rays, the chapter's claim".into())),
+    }
 }
 
 fn drawn(file: String, plot: &Plot) -> Result<Drawn, ReportError> {

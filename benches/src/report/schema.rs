@@ -44,6 +44,22 @@ pub struct Report {
     pub slopes: Vec<SlopeRow>,
     /// What their errors are against.
     pub references: Vec<ReferenceRow>,
+    /// Reflections at a quarter of a ray a pixel: one row a view, variant and
+    /// backend.
+    #[serde(default)]
+    pub reflections: Vec<ReflectionRow>,
+    /// The same by ball: what 16 neighbours are worth.
+    #[serde(default)]
+    pub reflection_balls: Vec<BallRow>,
+    /// One row a GGX sampler, roughness and angle.
+    #[serde(default)]
+    pub samplers: Vec<SamplerRow>,
+    /// One row a number of layers.
+    #[serde(default)]
+    pub layers: Vec<LayerRow>,
+    /// Ratios that this house wants to stay below.
+    #[serde(default)]
+    pub goals: Vec<GoalRow>,
     /// Pictures beside the page.
     pub pictures: Vec<PictureRow>,
     /// Plots beside the page.
@@ -278,6 +294,111 @@ pub struct StageRow {
     pub differing: Option<usize>,
     /// Pixels of the picture.
     pub pixels: usize,
+}
+
+/// One variant of the reflections in one view on one backend.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReflectionRow {
+    /// Scene.
+    pub scene: String,
+    /// `above` or `grazing`.
+    pub view: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// Neighbours gathered from half-resolution rays; 0 for a ray of the
+    /// pixel's own.
+    pub neighbours: u32,
+    /// Whether the bilateral filter follows.
+    pub bilateral: bool,
+    /// Milliseconds for the rays.
+    pub trace_ms: f64,
+    /// Milliseconds for reconstruction and filter.
+    pub filter_ms: f64,
+    /// Error over the pixels with a ball.
+    pub rmse: f64,
+    /// The part of it that does not average out.
+    pub bias: Option<f64>,
+    /// Rays a pixel with the same variance.
+    pub rays_by_variance: Option<f64>,
+    /// Rays a pixel with the same error.
+    pub rays_by_error: Option<f64>,
+    /// Difference to the CPU's picture.
+    pub parity_rmse: Option<f64>,
+    /// Pixels that differ from that.
+    pub differing: Option<usize>,
+    /// Pixels with a ball.
+    pub pixels: usize,
+}
+
+/// What reconstruction is worth on one ball.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BallRow {
+    /// Scene.
+    pub scene: String,
+    /// `above` or `grazing`.
+    pub view: String,
+    /// Perceptual roughness.
+    pub roughness: f32,
+    /// Whether a clear coat lies over it.
+    pub coated: bool,
+    /// Neighbours.
+    pub neighbours: u32,
+    /// Whether the bilateral filter follows.
+    pub bilateral: bool,
+    /// Rays a pixel with the same variance.
+    pub rays_by_variance: f64,
+    /// Rays a pixel with the same error.
+    pub rays_by_error: f64,
+}
+
+/// One GGX sampler at one roughness and angle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SamplerRow {
+    /// Sampler.
+    pub sampler: String,
+    /// GGX roughness.
+    pub alpha: f32,
+    /// Angle of the view from the normal.
+    pub degrees: f32,
+    /// Variance of value times cosine over density, over its squared mean.
+    pub variance: f64,
+    /// Nanoseconds for a direction with its density, on the CPU.
+    pub ns: f64,
+    /// One over variance times nanoseconds, over that of the normal
+    /// distribution.
+    pub efficiency: f64,
+}
+
+/// A stack with this many of the four layers of a paint.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LayerRow {
+    /// Layers above the diffuse base.
+    pub layers: u32,
+    /// Which of the four err least.
+    pub kept: String,
+    /// Misplaced light over all that the four reflect.
+    pub error: f64,
+    /// Nanoseconds of `layered_pdf`, `layered_eval`, `layered_sample`.
+    pub cpu_ns: [Option<f64>; 3],
+    /// The same by adapter.
+    pub gpu_ns: BTreeMap<String, [Option<f64>; 3]>,
+}
+
+/// A ratio and the limit that it should stay below.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GoalRow {
+    /// What is compared with what.
+    pub name: String,
+    /// `cpu`, or the adapter's label.
+    pub backend: String,
+    /// The ratio.
+    pub measured: f64,
+    /// Its limit.
+    pub limit: f64,
+    /// The two numbers.
+    pub detail: String,
+    /// What a kernel is compared with, where that is a shader.
+    pub shader: Option<String>,
 }
 
 /// Millions of rays a second.

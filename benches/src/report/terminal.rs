@@ -17,6 +17,7 @@ pub fn summary(written: &Written) -> String {
     kernels(report, &mut out);
     engines(report, &mut out);
     stages(report, &mut out);
+    materials(report, &mut out);
     let _ = writeln!(
         out,
         "\n{} files in {:.0} s: {}",
@@ -187,6 +188,35 @@ fn stages(report: &Report, out: &mut String) {
             short(&s.backend),
             s.slope
         );
+    }
+}
+
+fn materials(report: &Report, out: &mut String) {
+    if !report.goals.is_empty() {
+        let _ = writeln!(out, "\ngoals (ratios of times in one run)");
+        let mut rows = vec![header(&["", "measured", "goal", ""])];
+        for g in &report.goals {
+            rows.push(vec![
+                format!("{} on {}", g.name, short(&g.backend)),
+                format!("{:.2}", g.measured),
+                format!("< {}", g.limit),
+                if g.measured > g.limit { "missed" } else { "" }.into(),
+            ]);
+        }
+        table(out, &rows);
+    }
+    for r in &report.reflections {
+        if let (16, Some(variance), Some(error)) =
+            (r.neighbours, r.rays_by_variance, r.rays_by_error)
+        {
+            let _ = writeln!(
+                out,
+                "{}, {}: 16 neighbours{} at a quarter of a ray have the variance of {variance:.1} rays a pixel, the error of {error:.1}",
+                r.scene,
+                r.view,
+                if r.bilateral { " and bilateral" } else { "" },
+            );
+        }
     }
 }
 

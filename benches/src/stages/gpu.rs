@@ -271,7 +271,7 @@ impl<'a> GpuRenderer<'a> {
 }
 
 /// Storage buffers, each read-only or not.
-fn layout(device: &wgpu::Device, read_only: &[bool]) -> wgpu::BindGroupLayout {
+pub(crate) fn layout(device: &wgpu::Device, read_only: &[bool]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = read_only
         .iter()
         .enumerate()
@@ -292,7 +292,7 @@ fn layout(device: &wgpu::Device, read_only: &[bool]) -> wgpu::BindGroupLayout {
     })
 }
 
-fn group(
+pub(crate) fn group(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     buffers: &[&wgpu::Buffer],

@@ -19,7 +19,7 @@
 
 mod convergence;
 mod cpu;
-mod gpu;
+pub(crate) mod gpu;
 mod image;
 mod pictures;
 mod program;
@@ -33,11 +33,12 @@ use raytwin::ray::bvh_build::{BuildQuality, Bvh, BvhError};
 use raytwin_cpu::random::halton::HALTON_PERIOD;
 use raytwin_cpu::ray::camera::Camera;
 use raytwin_cpu::sample::cone::cone_one_minus_cos;
-use raytwin_tests::scene::Scene;
+use raytwin_tests::scene::{self, Scene};
 
 pub use convergence::{Convergence, ConvergencePoint, Reference, Slope, convergence};
 pub use gpu::GpuStages;
 pub use image::Image;
+pub(crate) use pictures::slug;
 pub use pictures::{Picture, StageResult, StageRun, run_stages};
 
 use cpu::CpuRenderer;
@@ -323,7 +324,7 @@ impl StageSettings {
     }
 }
 
-fn check_size(width: u32, height: u32) -> Result<(), StageError> {
+pub(crate) fn check_size(width: u32, height: u32) -> Result<(), StageError> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > PIXELS_MAX || width.max(height) > SIDE_MAX {
         return Err(StageError::Size { width, height });
@@ -359,7 +360,7 @@ impl StageScene {
     /// # Errors
     /// If the mesh has no tree, or the camera looks nowhere.
     pub fn new(scene: Scene) -> Result<Self, StageError> {
-        camera(&scene, 1, 1)?;
+        camera(&scene.camera, 1, 1)?;
         let start = Instant::now();
         let bvh = Bvh::build(
             &scene.mesh.positions,
@@ -381,9 +382,8 @@ impl StageScene {
     }
 }
 
-/// The scene's camera for a picture of this size.
-fn camera(scene: &Scene, width: u32, height: u32) -> Result<Camera, StageError> {
-    let c = &scene.camera;
+/// A scene's camera for a picture of this size.
+pub(crate) fn camera(c: &scene::Camera, width: u32, height: u32) -> Result<Camera, StageError> {
     let forward = (c.target.as_dvec3() - c.eye.as_dvec3()).normalize_or_zero();
     let right = forward.cross(c.up.as_dvec3()).normalize_or_zero();
     let half = (0.5 * f64::from(c.fov_degrees)).to_radians().tan();
@@ -484,7 +484,7 @@ impl<'a> Renderer<'a> {
         check_size(width, height)?;
         let light = &scene.scene.light;
         let parameters = Parameters {
-            camera: camera(&scene.scene, width, height)?,
+            camera: camera(&scene.scene.camera, width, height)?,
             light_direction: light.direction,
             light_one_minus_cos: cone_one_minus_cos(light.angular_radius),
             offset: scene.offset,

@@ -342,7 +342,7 @@ fn together(scene: &StageScene, cpu: &Renderer<'_>, references: &[Image]) -> Pic
 }
 
 /// Lower-case words with hyphens, from several parts.
-fn slug(parts: &[&str]) -> String {
+pub(crate) fn slug(parts: &[&str]) -> String {
     let mut out = String::new();
     for c in parts.join(" ").chars() {
         if c.is_ascii_alphanumeric() {

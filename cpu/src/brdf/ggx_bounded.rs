@@ -116,26 +116,30 @@ pub struct GgxBoundedDirection {
 /// Error analysis: lengths are sums of squares; what cancels is the direction
 /// itself where it meets the horizon, and `n` where the normal is at a right
 /// angle to the view.
-#[inline]
+// Always: called, a loop over it would not vectorise, which is worth a factor
+// of three.
+#[inline(always)]
 #[must_use]
 pub fn ggx_bounded_direction_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> GgxBoundedDirection {
-    if wo.z <= 0.0 {
-        return GgxBoundedDirection {
-            direction: Vec3::Z,
-            pdf: 0.0,
-        };
-    }
+    // From below nothing is drawn; computed all the same, so that a loop over
+    // this has no branch.
+    let z = wo.z.max(0.0);
     let wide = Vec2::new(alpha.x * wo.x, alpha.y * wo.y);
     let side = wide.x * wide.x + wide.y * wide.y;
-    let length = (side + wo.z * wo.z).sqrt();
-    let up = length + wo.z;
+    let length = (side + z * z).sqrt();
+    let up = length + z;
     // One quotient for 1/length and for 1 - oz.
-    let inverse = 1.0 / (length * up);
+    let inverse = 1.0 / (length * up).max(GGX_TINY);
     let scale = inverse * up;
     let ox = wide.x * scale;
     let oy = wide.y * scale;
-    let oz = wo.z * scale;
-    let lift = ggx_bounded_lift(wo, alpha);
+    let oz = z * scale;
+    // ggx_bounded_lift.
+    let a = alpha.x.min(alpha.y).min(1.0);
+    let s = 1.0 + (wo.x * wo.x + wo.y * wo.y).sqrt();
+    let square = s * s;
+    let az = a * z;
+    let lift = a * a * (square + z * z) / (square + az * az);
     let kept = 1.0 - lift;
     let span = 1.0 + kept * oz;
     let x = u.x * span;
@@ -149,11 +153,12 @@ pub fn ggx_bounded_direction_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> GgxBounde
     let ratio = vec3_dot(n, n) / vec3_dot(m, m).max(GGX_TINY);
     let to = length * ratio;
     let direction = Vec3::new(to * m.x - wo.x, to * m.y - wo.y, to * m.z - wo.z);
-    let area = alpha.x * alpha.y * (kept * wo.z + length);
-    let pdf = INV_TWO_PI / (ratio * ratio * area);
+    let area = alpha.x * alpha.y * (kept * z + length);
+    let pdf = INV_TWO_PI / (ratio * ratio * area).max(GGX_TINY);
+    let drawn = wo.z > 0.0 && direction.z > 0.0;
     GgxBoundedDirection {
         direction,
-        pdf: if direction.z > 0.0 { pdf } else { 0.0 },
+        pdf: if drawn { pdf } else { 0.0 },
     }
 }
 

@@ -5,6 +5,40 @@ pub use raytwin_cpu::brdf::cook_torrance::*;
 /// The WGSL twin, without what it requires.
 pub const WGSL: &str = raytwin_wgsl::brdf::COOK_TORRANCE;
 
+/// One function, as a renderer has it, with the built-in functions.
+#[cfg(feature = "contract")]
+const BY_HAND: &str = "
+fn baseline(wo: vec3f, wi: vec3f, alpha: vec2f, f0: vec3f) -> vec3f {
+    if wo.z <= 0.0 || wi.z <= 0.0 {
+        return vec3f(0.0);
+    }
+    let h = normalize(wo + wi);
+    let s = vec3f(h.xy / alpha, h.z);
+    let p = dot(s, s);
+    let d = 1.0 / (3.14159265 * alpha.x * alpha.y * p * p);
+    let o = vec3f(alpha * wo.xy, wo.z);
+    let i = vec3f(alpha * wi.xy, wi.z);
+    let v = 0.5 / (wi.z * length(o) + wo.z * length(i));
+    let x = 1.0 - dot(wo, h);
+    return (f0 + (1.0 - f0) * (x * x * x * x * x)) * (d * v);
+}";
+
+#[cfg(feature = "contract")]
+fn by_hand(wo: glam::Vec3, wi: glam::Vec3, alpha: glam::Vec2, f0: glam::Vec3) -> glam::Vec3 {
+    use glam::Vec3Swizzles;
+    if wo.z <= 0.0 || wi.z <= 0.0 {
+        return glam::Vec3::ZERO;
+    }
+    let h = (wo + wi).normalize();
+    let p = (h.xy() / alpha).extend(h.z).length_squared();
+    let d = 1.0 / (std::f32::consts::PI * alpha.x * alpha.y * p * p);
+    let o = (alpha * wo.xy()).extend(wo.z);
+    let i = (alpha * wi.xy()).extend(wi.z);
+    let v = 0.5 / (wi.z * o.length() + wo.z * i.length());
+    let x = 1.0 - wo.dot(h);
+    (f0 + (1.0 - f0) * (x * x * x * x * x)) * (d * v)
+}
+
 /// What the pair promises.
 #[cfg(feature = "contract")]
 #[must_use]
@@ -83,13 +117,14 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             .few_ulp($cpu, $gpu)
             .hard(hard())
             .source($source)
-            .build()
         };
     }
     vec![
-        kernel!(cook_torrance_eval, eval, 17.0, 95.0, PAPER),
-        kernel!(cook_torrance_weight_ndf, ndf, 11.0, 50.0, WEIGHT),
-        kernel!(cook_torrance_weight_visible, visible, 10.5, 52.0, WEIGHT),
-        kernel!(cook_torrance_weight_bounded, limited, 10.5, 52.0, WEIGHT),
+        kernel!(cook_torrance_eval, eval, 17.0, 95.0, PAPER)
+            .baseline("by hand", BY_HAND, by_hand)
+            .build(),
+        kernel!(cook_torrance_weight_ndf, ndf, 11.0, 50.0, WEIGHT).build(),
+        kernel!(cook_torrance_weight_visible, visible, 10.5, 52.0, WEIGHT).build(),
+        kernel!(cook_torrance_weight_bounded, limited, 10.5, 52.0, WEIGHT).build(),
     ]
 }

@@ -41,7 +41,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             slope.length() / slope.extend(1.0).length()
         })
         .by_ends(&[("ggx_ndf_sample", "x"), ("ggx_ndf_sample", "y")], UNIT)
-        .few_ulp(4.75, 23.0)
+        .few_ulp(4.75, 24.5)
         .hard(US.into_iter().flat_map(|u| ALPHAS.map(|a| (u, a))))
         .source(WALTER)
         .build(),
@@ -99,7 +99,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .scale(0.5)
         .undecided(|h: DVec3, a: DVec2| azimuth(h.y / a.y, h.x / a.x).1)
-        .few_ulp(2.25, 15.0)
+        .few_ulp(2.25, 16.25)
         .hard(
             [Vec3::Z, Vec3::X, GRAZING]
                 .into_iter()

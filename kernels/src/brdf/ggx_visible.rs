@@ -186,7 +186,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             let c = exact::cap(h, o, a);
             c.truncate().length() < 1e-3 || azimuth(c.y, c.x).1 || (c.y.abs() < 1e-4 && c.x > 0.0)
         })
-        .few_ulp(3.25, 24.0)
+        .few_ulp(3.75, 24.0)
         .hard(hard_invert())
         .source(CAPS)
         .build(),

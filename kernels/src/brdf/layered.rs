@@ -215,6 +215,89 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
     kernels::<3>()
 }
 
+/// One function, as a renderer has it, with the built-in functions.
+#[cfg(feature = "contract")]
+const BY_HAND: &str = "
+fn baseline(stack: LayeredStack, wo: vec3f, wi: vec3f) -> f32 {
+    if wo.z <= 0.0 || wi.z <= 0.0 {
+        return 0.0;
+    }
+    let y = vec3f(0.2126, 0.7152, 0.0722);
+    var sum = 0.0;
+    var total = 0.0;
+    var through = vec3f(1.0);
+    var o = wo;
+    var i = wi;
+    var jacobian = 1.0;
+    for (var k = 0u; k < LAYERED_COUNT; k++) {
+        let l = stack.layers[k];
+        // Probability of the layer.
+        let x = 1.0 - o.z;
+        let a = sqrt(l.alpha.x * l.alpha.y);
+        let q = (1.0 + 8.0 * a) * (1.0 + 8.0 * a);
+        let g = x * x * x * x * x * q / (1.0 + 19.0 * a * x * x * q);
+        let r = l.reflectance + (1.0 - l.reflectance) * g;
+        let w = dot(through * r, y);
+        total += w;
+        // Its density.
+        let h = normalize(o + i);
+        let t = vec3f(h.xy / l.alpha, h.z);
+        let p = dot(t, t);
+        let d = 1.0 / (3.14159265 * l.alpha.x * l.alpha.y * p * p);
+        let least = min(min(l.alpha.x, l.alpha.y), 1.0);
+        let s = 1.0 + length(o.xy);
+        let kept = (1.0 - least * least) * s * s / (s * s + least * least * o.z * o.z);
+        let area = 2.0 * (kept * o.z + length(vec3f(l.alpha * o.xy, o.z)));
+        sum += w * jacobian * d / area;
+        // Into the next.
+        let below_o = vec3f(o.xy, sqrt(l.eta * l.eta - 1.0 + o.z * o.z)) / l.eta;
+        let below_i = vec3f(i.xy, sqrt(l.eta * l.eta - 1.0 + i.z * i.z)) / l.eta;
+        through *= (1.0 - r) * exp(-2.0 * l.depth / below_o.z) / (l.eta * l.eta);
+        jacobian *= i.z / (l.eta * l.eta * below_i.z);
+        o = below_o;
+        i = below_i;
+    }
+    let base = dot(through * stack.diffuse, y);
+    return (sum + base * wi.z * 0.31830987) / (total + base);
+}";
+
+#[cfg(feature = "contract")]
+fn by_hand<const N: usize>(stack: LayeredStack<N>, wo: glam::Vec3, wi: glam::Vec3) -> f32 {
+    use glam::{Vec3, Vec3Swizzles};
+    use std::f32::consts::PI;
+    if wo.z <= 0.0 || wi.z <= 0.0 {
+        return 0.0;
+    }
+    let y = Vec3::new(0.2126, 0.7152, 0.0722);
+    let (mut sum, mut total, mut jacobian) = (0.0, 0.0, 1.0);
+    let (mut through, mut o, mut i) = (Vec3::ONE, wo, wi);
+    for l in stack.layers {
+        let x = 1.0 - o.z;
+        let a = (l.alpha.x * l.alpha.y).sqrt();
+        let q = (1.0 + 8.0 * a) * (1.0 + 8.0 * a);
+        let g = x * x * x * x * x * q / (1.0 + 19.0 * a * x * x * q);
+        let r = l.reflectance + (1.0 - l.reflectance) * g;
+        let w = (through * r).dot(y);
+        total += w;
+        let h = (o + i).normalize();
+        let p = (h.xy() / l.alpha).extend(h.z).length_squared();
+        let d = 1.0 / (PI * l.alpha.x * l.alpha.y * p * p);
+        let least = l.alpha.min_element().min(1.0);
+        let s = 1.0 + o.xy().length();
+        let kept = (1.0 - least * least) * s * s / (s * s + least * least * o.z * o.z);
+        let area = 2.0 * (kept * o.z + (l.alpha * o.xy()).extend(o.z).length());
+        sum += w * jacobian * d / area;
+        let below = |w: Vec3| w.xy().extend((l.eta * l.eta - 1.0 + w.z * w.z).sqrt()) / l.eta;
+        let (below_o, below_i) = (below(o), below(i));
+        let passed = (-2.0 * l.depth / below_o.z).exp();
+        through *= (1.0 - r) * passed / (l.eta * l.eta);
+        jacobian *= i.z / (l.eta * l.eta * below_i.z);
+        (o, i) = (below_o, below_i);
+    }
+    let base = (through * stack.diffuse).dot(y);
+    (sum + base * wi.z / PI) / (total + base)
+}
+
 /// The contract for stacks of `N` layers, 1 to 4. The registry has that of 3;
 /// tests run the others too.
 #[cfg(feature = "contract")]
@@ -561,6 +644,7 @@ pub fn kernels<const N: usize>() -> Vec<crate::contract::Kernel> {
         .few_ulp(3.0, 44.0)
         .hard(pairs().into_iter().chain(below))
         .source(PAPER)
+        .baseline("by hand", BY_HAND, by_hand::<N>)
         .fixture(count, vec![])
         .build(),
         Kernel::new(

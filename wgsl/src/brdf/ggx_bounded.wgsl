@@ -78,20 +78,25 @@ struct GgxBoundedDirection {
 // ggx_bounded_sample, reflected, with ggx_bounded_direction_pdf, from the same
 // lengths: wo.m is |wo|_s n^2/2, and D is (m^2/n^2)^2 / (pi ax ay).
 fn ggx_bounded_direction_sample(u: vec2f, wo: vec3f, alpha: vec2f) -> GgxBoundedDirection {
-    if wo.z <= 0.0 {
-        return GgxBoundedDirection(vec3f(0.0, 0.0, 1.0), 0.0);
-    }
+    // From below nothing is drawn; computed all the same, so that a loop over
+    // this has no branch.
+    let z = max(wo.z, 0.0);
     let wide = vec2f(alpha.x * wo.x, alpha.y * wo.y);
     let side = wide.x * wide.x + wide.y * wide.y;
-    let length = sqrt(side + wo.z * wo.z);
-    let up = length + wo.z;
+    let length = sqrt(side + z * z);
+    let up = length + z;
     // One quotient for 1/length and for 1 - oz.
-    let inverse = 1.0 / (length * up);
+    let inverse = 1.0 / max(length * up, GGX_TINY);
     let scale = inverse * up;
     let ox = wide.x * scale;
     let oy = wide.y * scale;
-    let oz = wo.z * scale;
-    let lift = ggx_bounded_lift(wo, alpha);
+    let oz = z * scale;
+    // ggx_bounded_lift.
+    let a = min(min(alpha.x, alpha.y), 1.0);
+    let s = 1.0 + sqrt(wo.x * wo.x + wo.y * wo.y);
+    let square = s * s;
+    let az = a * z;
+    let lift = a * a * (square + z * z) / (square + az * az);
     let kept = 1.0 - lift;
     let span = 1.0 + kept * oz;
     let x = u.x * span;
@@ -100,18 +105,15 @@ fn ggx_bounded_direction_sample(u: vec2f, wo: vec3f, alpha: vec2f) -> GgxBounded
     let drop = side * inverse;
     let r = sqrt(x * ((drop + deep) + height));
     let turn = sincos_turn(u.y);
-    let n = vec3f(
-        r * turn.y + ox,
-        r * turn.x + oy,
-        height + deep,
-    );
+    let n = vec3f(r * turn.y + ox, r * turn.x + oy, height + deep);
     let m = vec3f(alpha.x * n.x, alpha.y * n.y, n.z);
     let ratio = vec3_dot(n, n) / max(vec3_dot(m, m), GGX_TINY);
     let to = length * ratio;
     let direction = vec3f(to * m.x - wo.x, to * m.y - wo.y, to * m.z - wo.z);
-    let area = alpha.x * alpha.y * (kept * wo.z + length);
-    let pdf = GGX_BOUNDED_INV_TWO_PI / (ratio * ratio * area);
-    return GgxBoundedDirection(direction, select(0.0, pdf, direction.z > 0.0));
+    let area = alpha.x * alpha.y * (kept * z + length);
+    let pdf = GGX_BOUNDED_INV_TWO_PI / max(ratio * ratio * area, GGX_TINY);
+    let drawn = wo.z > 0.0 && direction.z > 0.0;
+    return GgxBoundedDirection(direction, select(0.0, pdf, drawn));
 }
 
 // Density of the reflected directions, per steradian; 0 at and below the
