@@ -79,7 +79,7 @@ impl ReflectionSettings {
         Self {
             width: 320,
             height: 180,
-            reference_samples: 512,
+            reference_samples: 256,
             frames: 12,
             repeats: 3,
         }
