@@ -31,6 +31,7 @@ registry! {
     brdf / refract;
     filter / bilateral_variance;
     filter / spatial_reconstruct;
+    filter / svgf;
     math / exponent;
     math / luminance;
     math / octahedral;

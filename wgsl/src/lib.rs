@@ -168,6 +168,12 @@ modules! {
                 "fn spatial_reconstruct_read_hit(at: vec2u) -> SpatialReconstructHit",
                 "fn spatial_reconstruct_weight(pixel: vec2u, at: vec2u, hit: SpatialReconstructHit) -> f32"
             } "spatial_reconstruct.bindings.wgsl";
+        SVGF "svgf" ["math/exponent", "math/luminance", "math/vector"]
+            {
+                "fn svgf_read_surface(at: vec2u) -> SvgfSurface",
+                "fn svgf_read_color(at: vec2u) -> SvgfColor",
+                "fn svgf_read_scalar(at: vec2u) -> SvgfScalar"
+            } "svgf.bindings.wgsl";
     }
     /// Numeric building blocks.
     math {

@@ -6,3 +6,4 @@
 
 pub mod bilateral_variance;
 pub mod spatial_reconstruct;
+pub mod svgf;

@@ -2,3 +2,4 @@
 
 pub mod bilateral_variance;
 pub mod spatial_reconstruct;
+pub mod svgf;
