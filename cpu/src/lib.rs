@@ -25,6 +25,7 @@
 pub mod brdf;
 pub mod filter;
 pub mod math;
+pub mod pass;
 pub mod random;
 pub mod ray;
 pub mod sample;

@@ -20,6 +20,7 @@
 //! # Features
 //! - `build`: BVH building through obvhs.
 //! - `gpu`: ready wgpu pieces.
+//! - `rayon`: passes over whole images on the CPU work on rows in parallel.
 //! - `contract`: what each kernel promises (module `contract`), for tests, benches
 //!   and reports.
 
@@ -34,6 +35,7 @@ pub mod filter;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod math;
+pub mod pass;
 pub mod random;
 pub mod ray;
 pub mod sample;

@@ -26,7 +26,8 @@ fn techniques(folder: &str, extension: &str) -> BTreeSet<String> {
             .expect("name")
             .to_string_lossy()
             .into_owned();
-        if !group.is_dir() || group_name == "contract" || group_name == "gpu" {
+        // Passes over whole images are built on the techniques.
+        if !group.is_dir() || ["contract", "gpu", "pass"].contains(&group_name.as_str()) {
             continue;
         }
         for file in entries(&group) {
@@ -157,7 +158,7 @@ fn cpu_crate_needs_glam_only_and_wgsl_crate_nothing() {
         .other_options(vec!["--offline".into()])
         .exec()
         .expect("cargo metadata");
-    let dependencies = |name: &str| {
+    let dependencies = |name: &str, optional: bool| {
         let package = metadata
             .packages
             .iter()
@@ -166,10 +167,14 @@ fn cpu_crate_needs_glam_only_and_wgsl_crate_nothing() {
         package
             .dependencies
             .iter()
-            .filter(|d| d.kind == cargo_metadata::DependencyKind::Normal)
+            .filter(|d| d.kind == cargo_metadata::DependencyKind::Normal && d.optional == optional)
             .map(|d| d.name.clone())
             .collect::<Vec<_>>()
     };
-    assert_eq!(dependencies("raytwin-cpu"), ["glam"]);
-    assert!(dependencies("raytwin-wgsl").is_empty());
+    assert_eq!(dependencies("raytwin-cpu", false), ["glam"]);
+    // Rows of whole images in parallel, for those who ask.
+    assert_eq!(dependencies("raytwin-cpu", true), ["rayon"]);
+    for optional in [false, true] {
+        assert!(dependencies("raytwin-wgsl", optional).is_empty());
+    }
 }

@@ -7,6 +7,7 @@
 
 mod bvh;
 mod error;
+mod filters;
 pub mod kernels;
 mod machine;
 mod materials;
@@ -334,7 +335,7 @@ impl<'a> Run<'a> {
         }
         let runs = self.kernel_settings.runs;
         let with_cpu = !self.options.gpu_only;
-        self.progress.part("materials", 3);
+        self.progress.part("materials", 4);
         self.progress.step("samplers");
         if with_cpu {
             self.report.samplers = materials::samplers(runs);
@@ -344,6 +345,12 @@ impl<'a> Run<'a> {
         self.progress.step("goals");
         if with_cpu {
             self.report.goals = materials::goals(runs, &self.report.layers);
+        }
+        self.progress.step("filters over whole images");
+        if with_cpu {
+            self.report
+                .goals
+                .extend(filters::goals(self.stage_settings.repeats));
         }
         let by_hand = materials::by_hand(&self.kernels, runs, &self.gpus)?;
         self.report.goals.extend(by_hand);

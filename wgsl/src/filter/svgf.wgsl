@@ -38,6 +38,8 @@ const SVGF_TOTAL_MIN: f32 = 9.094947e-13;
 const SVGF_STEP_MAX: u32 = 1048576u;
 // Largest finite number.
 const SVGF_HUGE: f32 = 3.4028235e38;
+// Where a weight's exponential ends: its square would be subnormal.
+const SVGF_EXPONENT_MIN: f32 = -40.0;
 // log2 e.
 const SVGF_LOG2_E: f32 = 1.442695;
 
@@ -164,7 +166,11 @@ fn svgf_weight(
     let plane = abs(vec3_dot(normal, offset)) * depth_falloff;
     let apart = abs(difference) * luminance_falloff;
     let shape = svgf_normal_weight(normal, other_normal, squarings);
-    return shape * exp2_poly(-SVGF_LOG2_E * (plane + apart));
+    let exponent = -SVGF_LOG2_E * (plane + apart);
+    if exponent < SVGF_EXPONENT_MIN {
+        return 0.0;
+    }
+    return shape * exp2_poly(exponent);
 }
 
 // B3 spline: 3/8, 1/4, 1/16.

@@ -1,0 +1,3 @@
+//! Whole images: passes built on the techniques of the same name.
+
+pub mod svgf;
