@@ -1,7 +1,13 @@
 //! What users get from the feature `gpu`, used as they would.
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
+use raytwin::filter::svgf::{
+    SvgfColor, SvgfScalar, SvgfSettings, SvgfSurface, svgf_variance_pixel,
+    svgf_variance_scalar_pixel,
+};
 use raytwin::gpu::BvhBuffers;
+use raytwin::pass::svgf::{SvgfGpu, SvgfPass, SvgfSignal};
+use raytwin::random::pcg::{pcg_hash, pcg_unit};
 use raytwin::ray::bvh::{BVH_MISS, BvhHit, bvh_closest};
 use raytwin::ray::bvh_build::{BuildQuality, Bvh};
 use raytwin::ray::ray::Ray;
@@ -122,5 +128,141 @@ fn buffers_and_bindings_trace_what_the_cpu_traces() {
             "{}: an empty tree was hit",
             gpu.label()
         );
+    }
+}
+
+fn noise(at: UVec2, lane: u32) -> f32 {
+    pcg_unit(pcg_hash(at.x ^ pcg_hash(at.y ^ pcg_hash(lane))))
+}
+
+fn wall(at: UVec2) -> SvgfSurface {
+    let depth = if at.x > 30 { 2.0 } else { 0.0 };
+    SvgfSurface {
+        position: Vec3::new(at.x as f32, at.y as f32, depth + 0.1 * noise(at, 1)),
+        reach: if at.y < 4 { 0.0 } else { 0.5 },
+        normal: Vec3::new(0.1 * noise(at, 2), 0.1 * noise(at, 3), 1.0).normalize(),
+    }
+}
+
+fn frames(at: UVec2) -> f32 {
+    (at.x % 9) as f32
+}
+
+fn color(at: UVec2) -> SvgfColor {
+    SvgfColor {
+        value: Vec3::new(noise(at, 4), noise(at, 5), noise(at, 6)),
+        variance: 0.1 * noise(at, 7),
+    }
+}
+
+fn scalar(at: UVec2) -> SvgfScalar {
+    SvgfScalar {
+        value: noise(at, 8),
+        variance: 0.1 * noise(at, 9),
+    }
+}
+
+/// The filter on an adapter: what it leaves, and what it feeds back.
+fn svgf_on(gpu: &Gpu, filter: &SvgfGpu, signal: SvgfSignal) -> [Vec<f32>; 2] {
+    let size = filter.size();
+    let pixels = || (0..size.x * size.y).map(|i| UVec2::new(i % size.x, i / size.x));
+    let write = |buffer: &wgpu::Buffer, values: Vec<f32>| {
+        gpu.queue()
+            .write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+    };
+    let surfaces = pixels().map(wall).flat_map(|s| {
+        let (p, n) = (s.position, s.normal);
+        [p.x, p.y, p.z, s.reach, n.x, n.y, n.z, 0.0]
+    });
+    write(filter.surfaces(), surfaces.collect());
+    write(filter.history(), pixels().map(frames).collect());
+    let image = pixels().flat_map(|at| match signal {
+        SvgfSignal::Color => {
+            let c = color(at);
+            vec![c.value.x, c.value.y, c.value.z, c.variance]
+        }
+        SvgfSignal::Scalar => {
+            let s = scalar(at);
+            vec![s.value, s.variance]
+        }
+    });
+    write(filter.input(), image.collect());
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    filter.encode(&mut encoder);
+    gpu.queue().submit([encoder.finish()]);
+    [filter.output(), filter.feedback()].map(|buffer| {
+        let words = gpu.read(buffer, buffer.size() as usize / 4);
+        words.into_iter().map(f32::from_bits).collect()
+    })
+}
+
+/// The same on the CPU.
+fn svgf_here<const C: usize>(
+    size: UVec2,
+    settings: SvgfSettings,
+    image: impl Fn(UVec2) -> ([f32; C], f32) + Sync + Send,
+) -> [Vec<f32>; 2] {
+    let mut pass = SvgfPass::<C>::new(size, settings);
+    pass.set_surfaces(wall);
+    pass.set_image(image);
+    let texels = |pass: &SvgfPass<C>| {
+        let mut out = Vec::new();
+        for i in 0..size.x * size.y {
+            let (value, variance) = pass.at(UVec2::new(i % size.x, i / size.x));
+            out.extend(value.into_iter().chain([variance]));
+        }
+        out
+    };
+    let mut feedback = Vec::new();
+    pass.filter(|image| feedback = texels(image));
+    [texels(&pass), feedback]
+}
+
+/// The compute passes give what the CPU's give, for both signals, with an even
+/// and an odd number of passes, and after a change of size.
+#[test]
+fn svgf_passes_give_what_the_cpu_gives() {
+    for gpu in adapters().unwrap_or_else(|e| panic!("{e}")) {
+        for settings in [SvgfSettings::PAPER, SvgfSettings::BLOG] {
+            for signal in [SvgfSignal::Color, SvgfSignal::Scalar] {
+                let mut filter = SvgfGpu::new(gpu.device(), UVec2::new(65, 38), settings, signal)
+                    .expect("registered");
+                for size in [UVec2::new(65, 38), UVec2::new(17, 50)] {
+                    if filter.size() != size {
+                        filter.resize(gpu.device(), size);
+                    }
+                    let found = svgf_on(gpu, &filter, signal);
+                    let want = match signal {
+                        SvgfSignal::Color => svgf_here::<3>(size, settings, |at| {
+                            let history = frames(at);
+                            let variance =
+                                svgf_variance_pixel(at, size, history, settings, wall, color);
+                            (color(at).value.to_array(), variance)
+                        }),
+                        SvgfSignal::Scalar => svgf_here::<1>(size, settings, |at| {
+                            let history = frames(at);
+                            let variance = svgf_variance_scalar_pixel(
+                                at, size, history, settings, wall, scalar,
+                            );
+                            ([scalar(at).value], variance)
+                        }),
+                    };
+                    let mut worst = 0.0f32;
+                    for (found, want) in found.iter().zip(&want) {
+                        assert_eq!(found.len(), want.len());
+                        for (f, w) in found.iter().zip(want) {
+                            worst = worst.max((f - w).abs());
+                        }
+                    }
+                    println!("{}: {signal:?} {size}: {worst:e}", gpu.label());
+                    // Some ULP of one a pass, which the next one averages.
+                    assert!(
+                        worst < 2e-5,
+                        "{}: {signal:?} {size}: {worst:e}",
+                        gpu.label()
+                    );
+                }
+            }
+        }
     }
 }

@@ -35,6 +35,15 @@ pub struct Module {
     pub bindings: Option<&'static str>,
 }
 
+/// Compute passes over whole images: entry points with their bindings, to be
+/// appended to the linked module of the same name.
+pub mod pass {
+    /// `filter/svgf` for colours.
+    pub const SVGF_COLOR: &str = include_str!("filter/svgf.pass_color.wgsl");
+    /// `filter/svgf` for scalars.
+    pub const SVGF_SCALAR: &str = include_str!("filter/svgf.pass_scalar.wgsl");
+}
+
 /// Why [`link`] could not put a program together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkError {
