@@ -29,3 +29,4 @@ pub mod pass;
 pub mod random;
 pub mod ray;
 pub mod sample;
+pub mod temporal;

@@ -39,6 +39,7 @@ pub mod pass;
 pub mod random;
 pub mod ray;
 pub mod sample;
+pub mod temporal;
 
 #[cfg(feature = "contract")]
 mod registry;

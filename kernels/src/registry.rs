@@ -52,4 +52,5 @@ registry! {
     sample / disk;
     sample / hemisphere;
     sample / sphere;
+    temporal / accumulate;
 }

@@ -62,4 +62,5 @@ pub struct Readme;
 #[doc = include_str!("../../docs/sample/disk.md")]
 #[doc = include_str!("../../docs/sample/hemisphere.md")]
 #[doc = include_str!("../../docs/sample/sphere.md")]
+#[doc = include_str!("../../docs/temporal/accumulate.md")]
 pub struct Pages;

@@ -220,6 +220,10 @@ modules! {
         HEMISPHERE "hemisphere" ["sample/disk", "math/trig"];
         SPHERE "sphere" ["math/trig"];
     }
+    /// Filters over time.
+    temporal {
+        ACCUMULATE "accumulate" ["math/luminance"];
+    }
 }
 
 #[cfg(test)]

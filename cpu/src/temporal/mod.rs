@@ -1,0 +1,3 @@
+//! Filters over time: each pixel against what the frames before knew of it.
+
+pub mod accumulate;

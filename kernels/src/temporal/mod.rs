@@ -1,0 +1,3 @@
+//! Filters over time: the pairs and their contracts.
+
+pub mod accumulate;

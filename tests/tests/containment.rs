@@ -1,0 +1,130 @@
+//! A NaN, an infinity or 1e30 stays where it is, and a constant stays exact:
+//! on each adapter as shipped, and on any that WGSL allows.
+
+use glam::Vec3;
+use raytwin::contract::{Kernel, Value};
+use raytwin::temporal::accumulate::{
+    TEMPORAL_ACCUMULATE_EMPTY, TEMPORAL_ACCUMULATE_RGB_EMPTY, TemporalAccumulateState,
+    temporal_accumulate_rgb_step, temporal_accumulate_step,
+};
+use raytwin_tests::derive::program;
+use raytwin_tests::gpu::{self, Build, Program};
+use raytwin_tests::interval::Table;
+use raytwin_tests::measure::run_cpu;
+
+/// What no sample may be.
+const BAD: [f32; 6] = [
+    f32::NAN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    f32::MAX,
+    -1e30,
+    1e30,
+];
+
+fn kernel(name: &str) -> Kernel {
+    raytwin::registry()
+        .into_iter()
+        .flat_map(|t| t.kernels)
+        .find(|k| k.name == name)
+        .expect("registered")
+}
+
+fn words(value: impl Value) -> Vec<u32> {
+    fn count<T: Value>(_: &T) -> usize {
+        T::WORDS
+    }
+    let mut words = vec![0; count(&value)];
+    value.write(&mut words);
+    words
+}
+
+/// Runs a kernel on every adapter: what it makes of bad input must be finite
+/// and what the CPU makes of it.
+fn same_everywhere(kernel: &Kernel, input: &[u32]) {
+    let cpu = run_cpu(kernel, input);
+    assert!(cpu.iter().all(|w| f32::from_bits(*w).is_finite()));
+    let gpus = gpu::adapters().expect("an adapter");
+    assert!(!gpus.is_empty());
+    for gpu in gpus {
+        let out = Program::new(gpu, kernel, Build::Plain)
+            .expect("valid WGSL")
+            .run(input);
+        for (a, b) in cpu.iter().zip(&out) {
+            let (a, b) = (f32::from_bits(*a), f32::from_bits(*b));
+            let apart = (a - b).abs();
+            assert!(apart <= 1e-6 * a.abs(), "{}: {a} and {b}", gpu.label());
+        }
+    }
+}
+
+#[test]
+fn accumulation_leaves_out_what_is_no_number() {
+    let (one, rgb) = (
+        kernel("temporal_accumulate_step"),
+        kernel("temporal_accumulate_rgb_step"),
+    );
+    let state = TemporalAccumulateState {
+        mean: 1.5,
+        variance: 0.5,
+        history: 4.0,
+    };
+    let (mut scalars, mut colors) = (Vec::new(), Vec::new());
+    for bad in BAD {
+        scalars.extend(words(state));
+        scalars.extend(words([bad, 32.0]));
+        // Bad members of the history: whatever they are, the sample replaces
+        // them. (A variance of 1e30 is one that a history may have.)
+        for member in 0..3 {
+            if member == 1 && bad.abs() == 1e30 {
+                continue;
+            }
+            let mut broken = words(state);
+            broken[member] = bad.to_bits();
+            scalars.extend(broken);
+            scalars.extend(words([5.0f32, 32.0]));
+        }
+        let good = temporal_accumulate_rgb_step(TEMPORAL_ACCUMULATE_RGB_EMPTY, Vec3::ONE, 8.0, 5.0);
+        for channel in 0..3 {
+            let mut sample = Vec3::splat(0.5);
+            sample[channel] = bad;
+            colors.extend(words(good));
+            colors.extend(words(sample));
+            colors.extend(words([8.0f32, 5.0]));
+            let mut broken = words(good);
+            broken[channel] = bad.to_bits();
+            colors.extend(broken);
+            colors.extend(words(Vec3::splat(0.5)));
+            colors.extend(words([8.0f32, 5.0]));
+        }
+    }
+    same_everywhere(&one, &scalars);
+    same_everywhere(&rgb, &colors);
+    for out in run_cpu(&one, &scalars).chunks_exact(3) {
+        let after = TemporalAccumulateState::read(out);
+        let anew = temporal_accumulate_step(TEMPORAL_ACCUMULATE_EMPTY, 5.0, 32.0);
+        assert!(after == state || after == anew, "{after:?}");
+    }
+}
+
+#[test]
+fn accumulation_keeps_a_constant_on_any_implementation() {
+    let kernel = kernel("temporal_accumulate_step");
+    let program = program(&kernel).expect("valid WGSL");
+    for value in [0.0f32, 0.1, 3.3, 1000.1, 65000.0] {
+        for history in [0.0, 1.0, 2.0, 6.0, 31.0, 32.0] {
+            let mut input = words([value, 0.0, history]);
+            input.extend(words([value, 32.0]));
+            let out = program
+                .call(kernel.name, &input, Table::Wgsl)
+                .expect("the interpreter runs it");
+            for (lane, want) in [value, 0.0].into_iter().enumerate() {
+                assert!(
+                    out[lane].is_exact() && out[lane].contains(want.to_bits()),
+                    "{value} after {history}, lane {lane}: {:?}",
+                    out[lane]
+                );
+            }
+        }
+    }
+}
