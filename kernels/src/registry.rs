@@ -30,6 +30,7 @@ registry! {
     brdf / reflection;
     brdf / refract;
     filter / bilateral_variance;
+    filter / packed_visibility;
     filter / spatial_reconstruct;
     filter / svgf;
     math / exponent;

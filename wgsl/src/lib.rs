@@ -172,6 +172,11 @@ modules! {
             {
                 "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"
             } "bilateral_variance.bindings.wgsl";
+        PACKED_VISIBILITY "packed_visibility" []
+            {
+                "fn packed_visibility_read(block: vec2u) -> u32",
+                "fn packed_visibility_read_row(pixel: vec2u) -> u32"
+            } "packed_visibility.bindings.wgsl";
         SPATIAL_RECONSTRUCT "spatial_reconstruct" ["math/trig", "math/vector"]
             {
                 "fn spatial_reconstruct_read_hit(at: vec2u) -> SpatialReconstructHit",
