@@ -30,6 +30,7 @@ registry! {
     brdf / reflection;
     brdf / refract;
     filter / bilateral_variance;
+    filter / firefly;
     filter / packed_visibility;
     filter / spatial_reconstruct;
     filter / svgf;

@@ -40,6 +40,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/brdf/reflection.md")]
 #[doc = include_str!("../../docs/brdf/refract.md")]
 #[doc = include_str!("../../docs/filter/bilateral_variance.md")]
+#[doc = include_str!("../../docs/filter/firefly.md")]
 #[doc = include_str!("../../docs/filter/packed_visibility.md")]
 #[doc = include_str!("../../docs/filter/spatial_reconstruct.md")]
 #[doc = include_str!("../../docs/filter/svgf.md")]

@@ -172,6 +172,10 @@ modules! {
             {
                 "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"
             } "bilateral_variance.bindings.wgsl";
+        FIREFLY "firefly" ["math/sanitize"]
+            {
+                "fn firefly_read(at: vec2u) -> vec3f"
+            } "firefly.bindings.wgsl";
         PACKED_VISIBILITY "packed_visibility" []
             {
                 "fn packed_visibility_read(block: vec2u) -> u32",

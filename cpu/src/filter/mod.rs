@@ -5,6 +5,7 @@
 //! largest of their inputs, channel by channel, on any driver.
 
 pub mod bilateral_variance;
+pub mod firefly;
 pub mod packed_visibility;
 pub mod spatial_reconstruct;
 pub mod svgf;

@@ -1,6 +1,7 @@
 //! Filters over neighbouring pixels: the pairs and their contracts.
 
 pub mod bilateral_variance;
+pub mod firefly;
 pub mod packed_visibility;
 pub mod spatial_reconstruct;
 pub mod svgf;
