@@ -28,7 +28,7 @@ fn noise(at: UVec2, lane: u32) -> f32 {
 
 /// A wall of panels with slightly rough normals.
 fn surface(at: UVec2) -> SvgfSurface {
-    let step = if (at.x / 64 + at.y / 64) % 3 == 0 {
+    let step = if (at.x / 64 + at.y / 64).is_multiple_of(3) {
         1.0
     } else {
         0.0

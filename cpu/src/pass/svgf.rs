@@ -8,6 +8,9 @@
 //! have a mask of 0: so the inner loops have no branch, and where a block and
 //! its taps are all data they have no mask either.
 
+// Lanes index a dozen arrays at once.
+#![allow(clippy::needless_range_loop)]
+
 use glam::UVec2;
 
 use crate::filter::svgf::{
