@@ -2,4 +2,5 @@
 
 pub mod reflections;
 pub mod report;
+pub mod sequence;
 pub mod stages;

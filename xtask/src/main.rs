@@ -128,7 +128,7 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
         &[("RUSTDOCFLAGS", "--deny warnings")],
     )?;
     // What users build: without features, and each feature alone.
-    for features in ["", "build", "gpu", "contract"] {
+    for features in ["", "build", "gpu", "rayon", "contract"] {
         environment.cargo(
             "features",
             &[

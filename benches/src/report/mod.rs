@@ -31,6 +31,7 @@ use raytwin_tests::rays::families;
 use raytwin_tests::scene::{Scene, sponza_path};
 
 use crate::reflections::{self, ReflectionGpu, ReflectionScene, ReflectionSettings};
+use crate::sequence::{self, SequenceSettings};
 use crate::stages::{self, Backend, GpuStages, PIXELS_MAX, StageError, StageScene, StageSettings};
 
 pub use error::ReportError;
@@ -40,7 +41,7 @@ use output::Output;
 use progress::Progress;
 use schema::{
     BallRow, ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, ReflectionRow, Report,
-    Settings, SlopeRow, StageRow,
+    SequenceRow, Settings, SlopeRow, StageRow,
 };
 use traversal::Traversal;
 
@@ -120,13 +121,16 @@ fn stage_entry(scene: &str, stage: &str) -> String {
 /// The stage that `crate::reflections` renders.
 const REFLECTIONS: &str = "reflections";
 
+/// What `crate::sequence` measures.
+const SEQUENCES: &str = "sequences";
+
 /// Samplers, layers and the goals.
 const MATERIALS: &str = "materials";
 
 /// Entries of a scene that need it loaded.
 fn scene_entries(scene: &str) -> Vec<String> {
     let stages = stages::Stage::ALL.map(stages::Stage::name);
-    let others = ["convergence", REFLECTIONS];
+    let others = ["convergence", REFLECTIONS, SEQUENCES];
     stages
         .into_iter()
         .chain(others)
@@ -389,6 +393,40 @@ impl<'a> Run<'a> {
         Ok(shown)
     }
 
+    /// All sequences of a scene; of the quick report's a shadow whose light
+    /// jumps and a still occlusion.
+    fn measure_sequences(
+        &mut self,
+        scene: &StageScene,
+        progress: &dyn Fn(&str),
+    ) -> Result<Vec<Shown>, ReportError> {
+        use sequence::Event;
+        use stages::Stage;
+        let settings = if self.options.full {
+            SequenceSettings::full()
+        } else {
+            SequenceSettings::quick()
+        };
+        let mut shown = Vec::new();
+        for stage in [Stage::SoftShadow, Stage::AmbientOcclusion] {
+            for event in Event::ALL {
+                let short = (stage == Stage::SoftShadow) == (event == Event::Jump);
+                if !self.options.full && !short {
+                    continue;
+                }
+                let name = &scene.scene.name;
+                progress(&format!("{name}: {}, {}", stage.title(), event.name()));
+                let run = sequence::measure(scene, stage, event, &settings)?;
+                let rows = run.results.into_iter().map(sequence_row);
+                self.report.sequences.extend(rows);
+                for picture in run.pictures {
+                    shown.push(show_sequence(picture)?);
+                }
+            }
+        }
+        Ok(shown)
+    }
+
     fn measure_bvh(&mut self) -> Result<(), ReportError> {
         let with_families = self.only.takes("bvh/families");
         let families = if with_families {
@@ -453,6 +491,14 @@ impl<'a> Run<'a> {
             }
             if self.only.takes(&stage_entry(&name, REFLECTIONS)) {
                 shown.extend(self.measure_reflections(&scene, &progress)?);
+            }
+            // The quick report has the toy room's, or those of a given scene.
+            let is_wanted = self.options.full || self.options.scene.is_some() || name == "toy";
+            if is_wanted
+                && !self.options.gpu_only
+                && self.only.takes(&stage_entry(&name, SEQUENCES))
+            {
+                shown.extend(self.measure_sequences(&scene, &progress)?);
             }
             // Only the first scene: the sampler's slope is what counts, and it
             // takes half of the time.
@@ -578,6 +624,40 @@ fn show_reflection(
             variant: picture.variant,
             backend: picture.backend,
             difference: picture.is_difference,
+            caption: picture.caption,
+        },
+    })
+}
+
+fn sequence_row(r: sequence::SequenceResult) -> SequenceRow {
+    SequenceRow {
+        scene: r.scene,
+        signal: r.signal,
+        event: r.event,
+        variant: r.variant,
+        ms: r.ms,
+        rmse: r.rmse,
+        relative_mse: r.relative_mse,
+        psnr: r.psnr,
+        ssim: schema::finite(r.ssim),
+        flicker: r.flicker,
+        half_life: r.half_life,
+        by_frame: r.by_frame,
+    }
+}
+
+fn show_sequence(picture: sequence::SequencePicture) -> Result<Shown, ReportError> {
+    let [signal, event, variant] = &picture.name;
+    let id = stages::slug(&[&picture.scene, SEQUENCES, signal, event, variant]);
+    Ok(Shown {
+        png: picture.image.to_png()?,
+        row: PictureRow {
+            file: format!("pictures/{id}.png"),
+            scene: picture.scene,
+            stage: Some(format!("{SEQUENCES}_{signal}, {event}")),
+            variant: variant.clone(),
+            backend: "cpu".into(),
+            difference: false,
             caption: picture.caption,
         },
     })

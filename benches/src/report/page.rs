@@ -52,7 +52,8 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
         super::plots::MATERIALS.iter().any(|m| title.starts_with(m))
     };
     let (material, lines): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_material);
-    let with_materials = !material.is_empty() || !report.goals.is_empty();
+    let with_materials =
+        !material.is_empty() || !report.goals.is_empty() || !report.sequences.is_empty();
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -74,7 +75,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                     @if !report.kernels.is_empty() { a href="#kernels" { "Kernels" } }
                     @if !report.bvh.is_empty() { a href="#traversal" { "Traversal" } }
                     @if !report.families.is_empty() { a href="#hard" { "Hard rays" } }
-                    @if with_materials { a href="#materials" { "Materials" } }
+                    @if with_materials { a href="#materials" { "Materials and filters" } }
                     @if !pictures.is_empty() { a href="#pictures" { "Pictures" } }
                     @if !lines.is_empty() { a href="#convergence" { "Convergence" } }
                     a href="#settings" { "Settings" }
@@ -545,7 +546,7 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
         } }
     };
     html! {
-        h2 #materials { "Materials" }
+        h2 #materials { "Materials and filters" }
         @if !report.goals.is_empty() {
             h3 { "Goals" }
             p.note { "Ratios of times from one run, each pair in turns: medians. They are aims and no tests; a machine that is shared may miss one by noise." }
@@ -584,7 +585,37 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
             (figures("Worth"))
             (figures("Reconstruction"))
         }
+        @if !report.sequences.is_empty() {
+            h3 { "Over time" }
+            p {
+                "One ray a pixel and frame, a still camera; in some sequences the light jumps in the middle. Errors are those of the last frame against a reference, "
+                "flicker is the mean difference of the last two, half-life the frames until half of the jump has arrived. "
+                "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history."
+            }
+            (sequence_table(report))
+            (figures("Over time"))
+        }
     }
+}
+
+fn sequence_table(report: &Report) -> Markup {
+    html! { div.scroll { table {
+        thead { tr {
+            th { "Sequence" } th.left { "Variant" } th { "ms" } th { "RMSE" } th { "Relative MSE" }
+            th { "PSNR, dB" } th { "SSIM" } th { "Flicker" } th { "Half-life, frames" }
+        } }
+        tbody { @for r in &report.sequences { tr {
+            td { (r.scene) ", " (r.signal.replace('_', " ")) ", " (r.event) }
+            td.left { (r.variant) }
+            td { (number(r.ms)) }
+            td { (number(r.rmse)) }
+            td { (number(r.relative_mse)) }
+            td { (format!("{:.1}", r.psnr)) }
+            td { (optional(r.ssim)) }
+            td { (number(r.flicker)) }
+            td { @match r.half_life { Some(n) => (n), None => span.off { "–" } } }
+        } } }
+    } } }
 }
 
 fn layers(report: &Report) -> Markup {
@@ -652,12 +683,14 @@ fn reflection_table(report: &Report) -> Markup {
     } } }
 }
 
-/// The reflections' views of a scene, in order.
-fn reflection_stages<'a>(pictures: &[&'a Shown]) -> Vec<&'a str> {
+/// The reflections' views and the sequences of a scene, in order.
+fn other_stages<'a>(pictures: &[&'a Shown]) -> Vec<&'a str> {
     let mut out = Vec::new();
     for p in pictures {
         if let Some(stage) = p.row.stage.as_deref()
-            && stage.starts_with(super::REFLECTIONS)
+            && [super::REFLECTIONS, super::SEQUENCES]
+                .iter()
+                .any(|s| stage.starts_with(s))
             && !out.contains(&stage)
         {
             out.push(stage);
@@ -700,8 +733,11 @@ fn pictures_section(report: &Report, pictures: &[Shown]) -> Markup {
                     div.pictures { @for p in of_stage { (figure(report, p)) } }
                 }
             }
-            @for stage in reflection_stages(&of_scene) {
-                h4 { "Reflections, " (stage.trim_start_matches("reflections_")) }
+            @for stage in other_stages(&of_scene) {
+                h4 {
+                    @if let Some(view) = stage.strip_prefix("reflections_") { "Reflections, " (view) }
+                    @else { "Over time: " (stage.trim_start_matches("sequences_").replace('_', " ")) }
+                }
                 div.pictures {
                     @for p in of_scene.iter().filter(|p| p.row.stage.as_deref() == Some(stage)) { (figure(report, p)) }
                 }

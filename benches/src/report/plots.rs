@@ -2,7 +2,9 @@
 
 use super::error::ReportError;
 use super::plot::{Plot, Series, Ticks};
-use super::schema::{BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report};
+use super::schema::{
+    BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report, SequenceRow,
+};
 use super::{Drawn, page};
 
 /// An error of zero has no logarithm: it is drawn here.
@@ -50,7 +52,8 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
 }
 
 /// Plots whose title begins with this belong to the materials.
-pub(super) const MATERIALS: [&str; 4] = ["Samplers", "Layers", "Reconstruction", "Worth"];
+pub(super) const MATERIALS: [&str; 5] =
+    ["Samplers", "Layers", "Reconstruction", "Worth", "Over time"];
 
 /// An error of nothing has no logarithm: it is drawn here.
 const NOTHING_LOST: f64 = 1e-3;
@@ -117,7 +120,82 @@ fn materials(report: &Report) -> Vec<Plot> {
             .collect();
         out.push(worth(scene, view, &balls));
     }
+    let sequences = distinct(&report.sequences, |r| {
+        (r.scene.clone(), r.signal.clone(), r.event.clone())
+    });
+    for (scene, signal, event) in &sequences {
+        let rows: Vec<&SequenceRow> = report
+            .sequences
+            .iter()
+            .filter(|r| r.scene == *scene && r.signal == *signal && r.event == *event)
+            .collect();
+        let name = format!("{scene}, {}, {event}", signal.replace('_', " "));
+        out.push(over_time(&name, &rows));
+        out.push(by_frame(&name, &rows));
+    }
     out
+}
+
+/// Error against time a frame; without a filter there is no time to draw.
+fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
+    let kinds = ["SVGF, fed back", "SVGF, not fed back", "average"];
+    let kind = |r: &SequenceRow| {
+        if !r.variant.starts_with("SVGF") {
+            2
+        } else {
+            usize::from(r.variant.ends_with("not fed back"))
+        }
+    };
+    let lines = kinds.into_iter().enumerate().map(|(k, title)| {
+        let chosen: Vec<_> = rows.iter().filter(|r| kind(r) == k && r.ms > 0.0).collect();
+        let passes = |r: &SequenceRow| {
+            let digits = r.variant.chars().filter(char::is_ascii_digit);
+            digits.collect::<String>()
+        };
+        Series {
+            labels: chosen.iter().map(|r| passes(r)).collect(),
+            ..series(
+                title.into(),
+                k,
+                chosen.iter().map(|r| (r.ms, r.rmse)).collect(),
+            )
+        }
+    });
+    Plot {
+        title: format!("Over time: {name}, by passes or frames"),
+        x_label: "milliseconds a frame".into(),
+        y_label: "RMSE of the last frame".into(),
+        x_ticks: Ticks::Decimal,
+        series: lines.collect(),
+        guide: None,
+    }
+}
+
+/// Error by frame.
+fn by_frame(name: &str, rows: &[&SequenceRow]) -> Plot {
+    let shown = [
+        "1 spp",
+        "average",
+        "SVGF, 0",
+        "SVGF, 1 passes",
+        "SVGF, 5 passes",
+    ];
+    let lines = shown.into_iter().enumerate().filter_map(|(k, head)| {
+        let row = rows.iter().find(|r| r.variant.starts_with(head))?;
+        let points = (1u32..)
+            .zip(&row.by_frame)
+            .map(|(frame, error)| (f64::from(frame), *error))
+            .collect();
+        Some(series(row.variant.clone(), k, points))
+    });
+    Plot {
+        title: format!("Over time: {name}, by frame"),
+        x_label: "frame".into(),
+        y_label: "RMSE".into(),
+        x_ticks: Ticks::Decimal,
+        series: lines.collect(),
+        guide: None,
+    }
 }
 
 /// Light that is misplaced with fewer layers, against their cost.

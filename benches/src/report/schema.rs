@@ -51,6 +51,9 @@ pub struct Report {
     /// The same by ball: what 16 neighbours are worth.
     #[serde(default)]
     pub reflection_balls: Vec<BallRow>,
+    /// Filters over time: one row a sequence and variant.
+    #[serde(default)]
+    pub sequences: Vec<SequenceRow>,
     /// One row a GGX sampler, roughness and angle.
     #[serde(default)]
     pub samplers: Vec<SamplerRow>,
@@ -349,6 +352,35 @@ pub struct BallRow {
     pub rays_by_variance: f64,
     /// Rays a pixel with the same error.
     pub rays_by_error: f64,
+}
+
+/// One way to filter a sequence.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SequenceRow {
+    /// Scene.
+    pub scene: String,
+    /// Stage whose noise is filtered.
+    pub signal: String,
+    /// `still` or `light jumps`.
+    pub event: String,
+    /// How it is filtered.
+    pub variant: String,
+    /// Milliseconds a frame.
+    pub ms: f64,
+    /// Error of the last frame.
+    pub rmse: f64,
+    /// Its square over the reference's.
+    pub relative_mse: f64,
+    /// Peak signal-to-noise ratio in decibels.
+    pub psnr: f64,
+    /// Structural similarity.
+    pub ssim: Option<f64>,
+    /// Mean difference between the last two frames.
+    pub flicker: f64,
+    /// Frames until half of a jump has arrived.
+    pub half_life: Option<u32>,
+    /// Error by frame.
+    pub by_frame: Vec<f64>,
 }
 
 /// One GGX sampler at one roughness and angle.

@@ -108,7 +108,7 @@ impl Image {
 }
 
 /// IEC 61966-2-1, in f64 so that the bytes do not depend on the build.
-fn srgb8(linear: f32) -> u8 {
+pub(crate) fn srgb8(linear: f32) -> u8 {
     let v = f64::from(linear.clamp(0.0, 1.0));
     let encoded = if v <= 0.003_130_8 {
         12.92 * v

@@ -38,6 +38,7 @@ use raytwin_tests::scene::{self, Scene};
 pub use convergence::{Convergence, ConvergencePoint, Reference, Slope, convergence};
 pub use gpu::GpuStages;
 pub use image::Image;
+pub(crate) use image::srgb8;
 pub(crate) use pictures::slug;
 pub use pictures::{Picture, StageResult, StageRun, run_stages};
 
@@ -523,6 +524,17 @@ impl<'a> Renderer<'a> {
     #[must_use]
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// What each pixel sees: position, geometric normal, and whether it is a
+    /// surface.
+    pub(crate) fn seen(&self) -> impl Iterator<Item = (Vec3, Vec3, bool)> + '_ {
+        self.surfaces.iter().map(|s| (s.position, s.normal, s.hit))
+    }
+
+    /// Moves the light to another direction, a unit vector.
+    pub(crate) fn turn_light(&mut self, direction: Vec3) {
+        self.parameters.light_direction = direction;
     }
 
     /// Which pixels trace rays in a stage; the others are constant.
