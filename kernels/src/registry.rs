@@ -29,6 +29,7 @@ registry! {
     brdf / medium;
     brdf / reflection;
     brdf / refract;
+    filter / bilateral_upsample;
     filter / bilateral_variance;
     filter / firefly;
     filter / packed_visibility;

@@ -39,6 +39,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/brdf/medium.md")]
 #[doc = include_str!("../../docs/brdf/reflection.md")]
 #[doc = include_str!("../../docs/brdf/refract.md")]
+#[doc = include_str!("../../docs/filter/bilateral_upsample.md")]
 #[doc = include_str!("../../docs/filter/bilateral_variance.md")]
 #[doc = include_str!("../../docs/filter/firefly.md")]
 #[doc = include_str!("../../docs/filter/packed_visibility.md")]

@@ -168,6 +168,11 @@ modules! {
     }
     /// Filters over neighbouring pixels.
     filter {
+        BILATERAL_UPSAMPLE "bilateral_upsample" ["math/exponent", "math/sanitize", "math/vector"]
+            {
+                "fn bilateral_upsample_read_surface(pixel: vec2u) -> BilateralUpsampleSurface",
+                "fn bilateral_upsample_read_tap(at: vec2u) -> BilateralUpsampleTap"
+            } "bilateral_upsample.bindings.wgsl";
         BILATERAL_VARIANCE "bilateral_variance" ["math/exponent", "math/trig", "math/vector"]
             {
                 "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"

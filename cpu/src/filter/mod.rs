@@ -4,6 +4,7 @@
 //! neighbours through callbacks. Results stay between the smallest and the
 //! largest of their inputs, channel by channel, on any driver.
 
+pub mod bilateral_upsample;
 pub mod bilateral_variance;
 pub mod firefly;
 pub mod packed_visibility;

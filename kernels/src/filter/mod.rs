@@ -1,5 +1,6 @@
 //! Filters over neighbouring pixels: the pairs and their contracts.
 
+pub mod bilateral_upsample;
 pub mod bilateral_variance;
 pub mod firefly;
 pub mod packed_visibility;
