@@ -33,6 +33,7 @@ registry! {
     filter / bilateral_variance;
     filter / firefly;
     filter / packed_visibility;
+    filter / separable_blur;
     filter / spatial_reconstruct;
     filter / svgf;
     math / exponent;

@@ -43,6 +43,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/filter/bilateral_variance.md")]
 #[doc = include_str!("../../docs/filter/firefly.md")]
 #[doc = include_str!("../../docs/filter/packed_visibility.md")]
+#[doc = include_str!("../../docs/filter/separable_blur.md")]
 #[doc = include_str!("../../docs/filter/spatial_reconstruct.md")]
 #[doc = include_str!("../../docs/filter/svgf.md")]
 #[doc = include_str!("../../docs/math/exponent.md")]

@@ -186,6 +186,10 @@ modules! {
                 "fn packed_visibility_read(block: vec2u) -> u32",
                 "fn packed_visibility_read_row(pixel: vec2u) -> u32"
             } "packed_visibility.bindings.wgsl";
+        SEPARABLE_BLUR "separable_blur" ["math/exponent", "math/sanitize", "math/vector"]
+            {
+                "fn separable_blur_read(at: vec2u) -> SeparableBlurPixel"
+            } "separable_blur.bindings.wgsl";
         SPATIAL_RECONSTRUCT "spatial_reconstruct" ["math/trig", "math/vector"]
             {
                 "fn spatial_reconstruct_read_hit(at: vec2u) -> SpatialReconstructHit",
