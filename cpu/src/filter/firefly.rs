@@ -138,9 +138,16 @@ pub fn firefly_rank(color: Vec3, range: FireflyRange) -> Vec3 {
 #[inline]
 #[must_use]
 pub fn firefly_stats_add(stats: FireflyStats, color: Vec3) -> FireflyStats {
+    // Not divided by one, which need not be exact on a GPU.
+    if stats.count == 0 {
+        return FireflyStats {
+            mean: color,
+            spread: Vec3::ZERO,
+            count: 1,
+        };
+    }
     let n = stats.count as f32;
     let old = stats.mean;
-    // For the first neighbour the mean was nothing and has no share.
     let share = n / (n + 1.0);
     let x = color.x - old.x;
     let y = color.y - old.y;

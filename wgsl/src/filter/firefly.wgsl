@@ -80,9 +80,12 @@ fn firefly_rank(color: vec3f, range: FireflyRange) -> vec3f {
 // Takes a neighbour into the statistics; channels in [0, FIREFLY_MAX]. Equal
 // neighbours keep their exact mean and a spread of 0.
 fn firefly_stats_add(stats: FireflyStats, color: vec3f) -> FireflyStats {
+    // Not divided by one, which need not be exact.
+    if stats.count == 0u {
+        return FireflyStats(color, vec3f(0.0, 0.0, 0.0), 1u);
+    }
     let n = f32(stats.count);
     let old = stats.mean;
-    // For the first neighbour the mean was nothing and has no share.
     let share = n / (n + 1.0);
     let x = color.x - old.x;
     let y = color.y - old.y;

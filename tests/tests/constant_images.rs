@@ -1,0 +1,71 @@
+//! What WGSL leaves an implementation for a constant image: nothing.
+//!
+//! Interval arithmetic over WGSL's accuracy table runs the filters' own text
+//! over callbacks that give one value everywhere, on surfaces that do not.
+
+use raytwin_tests::interval::{Program, Table};
+
+const VALUES: [f32; 6] = [0.0, 0.1, 0.7, 3.3, 1000.1, 65000.0];
+
+// Callbacks over a constant image; the value goes in for VALUE.
+const CALLBACKS: &str = "
+fn test_hash(at: vec2u) -> u32 {
+    var h = (at.x * 0x9e3779b9u) ^ (at.y * 0x85ebca6bu);
+    h = (h ^ (h >> 16u)) * 0x7feb352du;
+    return (h ^ (h >> 15u)) & 255u;
+}
+fn firefly_read(at: vec2u) -> vec3f {
+    return vec3f(VALUE, VALUE, VALUE);
+}
+fn bilateral_upsample_read_surface(pixel: vec2u) -> BilateralUpsampleSurface {
+    let z = f32(test_hash(pixel)) * 0.00390625;
+    return BilateralUpsampleSurface(vec3f(0.0, 0.0, z), 1.0, vec3f(0.0, 0.0, 1.0));
+}
+fn bilateral_upsample_read_tap(at: vec2u) -> BilateralUpsampleTap {
+    let z = f32(test_hash(at)) * 0.00390625;
+    return BilateralUpsampleTap(
+        vec3f(VALUE, VALUE, VALUE), z, vec3f(0.0, 0.0, z), vec3f(0.0, 0.0, 1.0),
+    );
+}
+fn separable_blur_read(at: vec2u) -> SeparableBlurPixel {
+    let z = f32(test_hash(at)) * 0.00390625;
+    return SeparableBlurPixel(vec3f(0.0, 0.0, z), 1.0, vec3f(0.0, 0.0, 1.0), VALUE);
+}
+";
+
+const MODULES: [&str; 3] = [
+    "filter/firefly",
+    "filter/bilateral_upsample",
+    "filter/separable_blur",
+];
+
+#[test]
+fn stay_exact_on_any_implementation() {
+    let library = raytwin::wgsl::link(&MODULES).expect("registered");
+    for value in VALUES {
+        let source = library.clone() + &CALLBACKS.replace("VALUE", &format!("{value:?}"));
+        let program = Program::parse(&source).unwrap_or_else(|e| panic!("{e}"));
+        let gamma = 4f32.to_bits();
+        for (x, y) in [(0, 0), (7, 5), (15, 11), (3, 8)] {
+            for (function, arguments) in [
+                ("firefly_cap_pixel", vec![x, y, 16, 12]),
+                ("firefly_rank_pixel", vec![x, y, 16, 12]),
+                ("firefly_clamp_pixel", vec![x, y, 16, 12, gamma]),
+                ("bilateral_upsample_pixel", vec![x, y, 8, 6, 2]),
+                ("bilateral_upsample_pixel", vec![x, y, 4, 3, 4]),
+                ("separable_blur_pixel", vec![x, y, 16, 12, 0, 5]),
+                ("separable_blur_pixel", vec![x, y, 16, 12, 1, 5]),
+            ] {
+                let out = program
+                    .call(function, &arguments, Table::Wgsl)
+                    .unwrap_or_else(|e| panic!("{function}: {e}"));
+                for lane in out {
+                    assert!(
+                        lane.is_exact() && lane.contains(value.to_bits()),
+                        "{function} at {x}, {y} of {value}: {lane:?}"
+                    );
+                }
+            }
+        }
+    }
+}
