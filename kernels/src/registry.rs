@@ -57,4 +57,5 @@ registry! {
     sample / hemisphere;
     sample / sphere;
     temporal / accumulate;
+    temporal / variance_clamp;
 }

@@ -1,12 +1,15 @@
 //! A NaN, an infinity or 1e30 stays where it is, and a constant stays exact:
 //! on each adapter as shipped, and on any that WGSL allows.
 
-use glam::Vec3;
-use raytwin::contract::{Kernel, Value};
+use std::sync::Arc;
+
+use glam::{UVec2, Vec3};
+use raytwin::contract::{Fixture, Kernel, Value};
 use raytwin::temporal::accumulate::{
     TEMPORAL_ACCUMULATE_EMPTY, TEMPORAL_ACCUMULATE_RGB_EMPTY, TemporalAccumulateState,
     temporal_accumulate_rgb_step, temporal_accumulate_step,
 };
+use raytwin::temporal::variance_clamp::variance_clamp_pixel;
 use raytwin_tests::derive::program;
 use raytwin_tests::gpu::{self, Build, Program};
 use raytwin_tests::interval::Table;
@@ -124,6 +127,99 @@ fn accumulation_keeps_a_constant_on_any_implementation() {
                     "{value} after {history}, lane {lane}: {:?}",
                     out[lane]
                 );
+            }
+        }
+    }
+}
+
+/// An 8 x 8 image out of the test's buffer.
+const IMAGE: &str = "
+fn variance_clamp_read(at: vec2u) -> vec3f {
+    let i = 3u * (at.y * 8u + at.x);
+    return vec3f(
+        bitcast<f32>(raytwin_fixture[i]),
+        bitcast<f32>(raytwin_fixture[i + 1u]),
+        bitcast<f32>(raytwin_fixture[i + 2u]),
+    );
+}
+";
+
+#[test]
+fn the_variance_clamp_leaves_out_what_is_no_number() {
+    let size = UVec2::splat(8);
+    for bad in BAD {
+        let read = move |at: UVec2| {
+            let level = ((at.x * 5 + at.y * 3) % 7) as f32 * 0.125;
+            if at == UVec2::new(3, 4) {
+                return Vec3::new(0.5, 0.5, bad);
+            }
+            Vec3::new(level, 1.0 - level, 0.25 + 0.5 * level)
+        };
+        let mut kernel = kernel("variance_clamp_pixel");
+        let image = (0..64).flat_map(|i| words(read(UVec2::new(i % 8, i / 8))));
+        kernel.fixture = Some(Fixture {
+            wgsl: IMAGE,
+            words: Arc::new(image.collect()),
+        });
+        let (mut input, mut cpu) = (Vec::new(), Vec::new());
+        for i in 0..64 {
+            let at = UVec2::new(i % 8, i / 8);
+            for mode in 0..4u32 {
+                for old in [Vec3::new(1.5, 0.2, 0.9), Vec3::new(0.5, bad, 0.5)] {
+                    input.extend(words([at, size]));
+                    input.extend(words(2u32));
+                    input.extend(words(old));
+                    input.extend(words(1.0f32));
+                    input.extend(words(mode));
+                    cpu.push(variance_clamp_pixel(at, size, 2, old, 1.0, mode, read));
+                }
+            }
+        }
+        for gpu in gpu::adapters().expect("an adapter") {
+            let out = Program::new(gpu, &kernel, Build::Plain)
+                .expect("valid WGSL")
+                .run(&input);
+            for (want, got) in cpu.iter().zip(out.chunks_exact(3)) {
+                let got = Vec3::read(got);
+                let apart = (*want - got).abs().max_element();
+                assert!(
+                    want.is_finite() && apart < 1e-4,
+                    "{}: {want} and {got}",
+                    gpu.label()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_variance_clamp_keeps_a_constant_on_any_implementation() {
+    // The fixture's right side is constant.
+    let kernel = kernel("variance_clamp_pixel");
+    let program = program(&kernel).expect("valid WGSL");
+    let want = [0.7f32, 0.3, 0.1];
+    for at in [UVec2::new(13, 5), UVec2::new(15, 11), UVec2::new(12, 0)] {
+        for mode in 0..4u32 {
+            for old in [
+                Vec3::ONE,
+                Vec3::new(0.7, 0.3, 0.100001),
+                Vec3::from_array(want),
+                Vec3::X * 1e4,
+            ] {
+                let mut input = words([at, UVec2::new(16, 12)]);
+                input.extend(words(2u32));
+                input.extend(words(old));
+                input.extend(words(1.5f32));
+                input.extend(words(mode));
+                let out = program
+                    .call(kernel.name, &input, Table::Wgsl)
+                    .expect("the interpreter runs it");
+                for (lane, want) in out.iter().zip(want) {
+                    assert!(
+                        lane.is_exact() && lane.contains(want.to_bits()),
+                        "mode {mode}, history {old}: {out:?}"
+                    );
+                }
             }
         }
     }

@@ -1,3 +1,4 @@
 //! Filters over time: each pixel against what the frames before knew of it.
 
 pub mod accumulate;
+pub mod variance_clamp;

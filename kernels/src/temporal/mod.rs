@@ -1,3 +1,4 @@
 //! Filters over time: the pairs and their contracts.
 
 pub mod accumulate;
+pub mod variance_clamp;
