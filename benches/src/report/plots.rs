@@ -149,11 +149,15 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
     let lines = kinds.into_iter().enumerate().map(|(k, title)| {
         let chosen: Vec<_> = rows.iter().filter(|r| kind(r) == k && r.ms > 0.0).collect();
         let passes = |r: &SequenceRow| {
+            if r.variant.ends_with("clamped") {
+                return "clamped".to_owned();
+            }
             let digits = r.variant.chars().filter(char::is_ascii_digit);
             digits.collect::<String>()
         };
         Series {
             labels: chosen.iter().map(|r| passes(r)).collect(),
+            joined: k < 2,
             ..series(
                 title.into(),
                 k,
@@ -181,7 +185,7 @@ fn by_frame(name: &str, rows: &[&SequenceRow]) -> Plot {
         "SVGF, 5 passes",
     ];
     let lines = shown.into_iter().enumerate().filter_map(|(k, head)| {
-        let row = rows.iter().find(|r| r.variant.starts_with(head))?;
+        let row = rows.iter().find(|r| r.variant == head)?;
         let points = (1u32..)
             .zip(&row.by_frame)
             .map(|(frame, error)| (f64::from(frame), *error))

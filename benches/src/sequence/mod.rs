@@ -15,7 +15,7 @@ mod tests;
 
 use std::time::Instant;
 
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use image::GrayImage;
 use rayon::prelude::*;
 use raytwin::filter::svgf::{SvgfScalar, SvgfSettings, SvgfSurface, svgf_variance_scalar_pixel};
@@ -24,6 +24,7 @@ use raytwin::temporal::accumulate::{
     TEMPORAL_ACCUMULATE_EMPTY, TemporalAccumulateState, temporal_accumulate_alpha,
     temporal_accumulate_mean, temporal_accumulate_step,
 };
+use raytwin::temporal::variance_clamp::variance_clamp_pixel;
 
 use crate::stages::{Backend, Image, Job, Renderer, Sampler, Stage, StageError, StageScene, srgb8};
 
@@ -100,6 +101,9 @@ pub enum Variant {
     None,
     /// By an average over many frames.
     Average,
+    /// The same, the history clamped to mean ± deviation of 5 × 5 pixels of the
+    /// frame.
+    Clamped,
     /// By SVGF with this many passes; 0 is its accumulation alone.
     Svgf(u32),
     /// The same without feeding the first pass back.
@@ -108,9 +112,10 @@ pub enum Variant {
 
 impl Variant {
     /// All that are compared.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::None,
         Self::Average,
+        Self::Clamped,
         Self::Svgf(0),
         Self::Svgf(1),
         Self::Svgf(2),
@@ -128,6 +133,7 @@ impl Variant {
         match self {
             Self::None => "1 spp".into(),
             Self::Average => format!("average of {LONG} frames"),
+            Self::Clamped => format!("average of {LONG} frames, clamped"),
             Self::Svgf(passes) => format!("SVGF, {passes} passes"),
             Self::SvgfNotFedBack(passes) => format!("SVGF, {passes} passes, not fed back"),
         }
@@ -213,6 +219,20 @@ impl Denoiser {
         }
     }
 
+    /// Holds the history within what the frame's neighbourhoods allow.
+    fn clamp(&mut self, noisy: &[f32]) {
+        let size = self.size;
+        let read = |at: UVec2| Vec3::splat(noisy[(at.y * size.x + at.x) as usize]);
+        self.values
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(i, value)| {
+                let at = UVec2::new(i as u32 % size.x, i as u32 / size.x);
+                let history = Vec3::splat(*value);
+                *value = variance_clamp_pixel(at, size, 2, history, 1.0, 0, read).x;
+            });
+    }
+
     /// Takes a frame, gives the filtered one and milliseconds.
     fn step(&mut self, noisy: &[f32]) -> (Vec<f32>, f64) {
         let start = Instant::now();
@@ -220,9 +240,12 @@ impl Denoiser {
         let settings = settings(self.variant);
         let cap = match self.variant {
             Variant::None => return (noisy.to_vec(), 0.0),
-            Variant::Average => LONG,
+            Variant::Average | Variant::Clamped => LONG,
             Variant::Svgf(_) | Variant::SvgfNotFedBack(_) => 1.0 / settings.alpha,
         };
+        if self.variant == Variant::Clamped {
+            self.clamp(noisy);
+        }
         self.states
             .par_iter_mut()
             .zip(&mut self.values)
@@ -419,7 +442,14 @@ pub fn measure(
             half_life,
             by_frame,
         };
-        if matches!(variant, Variant::None | Variant::Average | Variant::Svgf(5)) {
+        if matches!(
+            variant,
+            Variant::None
+                | Variant::Average
+                | Variant::Clamped
+                | Variant::Svgf(1)
+                | Variant::Svgf(5)
+        ) {
             out.pictures.push(picture(
                 &result.variant,
                 format!(

@@ -56,6 +56,7 @@ fn a_short_history_forgets_a_light_sooner() {
     assert!((2..=4).contains(&short), "{short}");
     assert!(life(Variant::Svgf(5)).unwrap() >= short - 1);
     assert_eq!(life(Variant::Average), Some(11));
+    assert!(life(Variant::Clamped).unwrap() <= 2);
 }
 
 #[test]
