@@ -57,5 +57,6 @@ registry! {
     sample / hemisphere;
     sample / sphere;
     temporal / accumulate;
+    temporal / taa;
     temporal / variance_clamp;
 }

@@ -67,5 +67,6 @@ pub struct Readme;
 #[doc = include_str!("../../docs/sample/hemisphere.md")]
 #[doc = include_str!("../../docs/sample/sphere.md")]
 #[doc = include_str!("../../docs/temporal/accumulate.md")]
+#[doc = include_str!("../../docs/temporal/taa.md")]
 #[doc = include_str!("../../docs/temporal/variance_clamp.md")]
 pub struct Pages;

@@ -17,6 +17,14 @@ fn test_hash(at: vec2u) -> u32 {
 fn firefly_read(at: vec2u) -> vec3f {
     return vec3f(VALUE, VALUE, VALUE);
 }
+fn taa_read(at: vec2u) -> vec3f {
+    return vec3f(VALUE, 0.75 * VALUE, 0.5 * VALUE);
+}
+fn test_taa(x: u32, y: u32) -> f32 {
+    let old = vec3f(VALUE, 0.75 * VALUE, 0.5 * VALUE);
+    let new_color = taa_pixel(vec2u(x, y), vec2u(16u, 12u), old, 0.1, 1.0);
+    return max(abs(new_color.y - old.y), abs(new_color.z - old.z)) + new_color.x;
+}
 fn bilateral_upsample_read_surface(pixel: vec2u) -> BilateralUpsampleSurface {
     let z = f32(test_hash(pixel)) * 0.00390625;
     return BilateralUpsampleSurface(vec3f(0.0, 0.0, z), 1.0, vec3f(0.0, 0.0, 1.0));
@@ -33,10 +41,11 @@ fn separable_blur_read(at: vec2u) -> SeparableBlurPixel {
 }
 ";
 
-const MODULES: [&str; 3] = [
+const MODULES: [&str; 4] = [
     "filter/firefly",
     "filter/bilateral_upsample",
     "filter/separable_blur",
+    "temporal/taa",
 ];
 
 #[test]
@@ -55,6 +64,7 @@ fn stay_exact_on_any_implementation() {
                 ("bilateral_upsample_pixel", vec![x, y, 4, 3, 4]),
                 ("separable_blur_pixel", vec![x, y, 16, 12, 0, 5]),
                 ("separable_blur_pixel", vec![x, y, 16, 12, 1, 5]),
+                ("test_taa", vec![x, y]),
             ] {
                 let out = program
                     .call(function, &arguments, Table::Wgsl)

@@ -241,6 +241,10 @@ modules! {
     /// Filters over time.
     temporal {
         ACCUMULATE "accumulate" ["math/luminance"];
+        TAA "taa" ["math/sanitize"]
+            {
+                "fn taa_read(at: vec2u) -> vec3f"
+            } "taa.bindings.wgsl";
         VARIANCE_CLAMP "variance_clamp" []
             {
                 "fn variance_clamp_read(at: vec2u) -> vec3f"

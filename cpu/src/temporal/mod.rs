@@ -1,4 +1,5 @@
 //! Filters over time: each pixel against what the frames before knew of it.
 
 pub mod accumulate;
+pub mod taa;
 pub mod variance_clamp;

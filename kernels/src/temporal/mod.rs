@@ -1,4 +1,5 @@
 //! Filters over time: the pairs and their contracts.
 
 pub mod accumulate;
+pub mod taa;
 pub mod variance_clamp;
