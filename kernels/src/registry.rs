@@ -57,6 +57,7 @@ registry! {
     sample / hemisphere;
     sample / sphere;
     temporal / accumulate;
+    temporal / reproject;
     temporal / taa;
     temporal / variance_clamp;
 }

@@ -241,6 +241,14 @@ modules! {
     /// Filters over time.
     temporal {
         ACCUMULATE "accumulate" ["math/luminance"];
+        REPROJECT "reproject" [
+            "math/exponent", "math/luminance", "math/sanitize", "math/vector", "ray/camera"
+        ] {
+                "alias ReprojectValue = f32",
+                "fn reproject_read_surface(at: vec2u) -> ReprojectSurface",
+                "fn reproject_read_prior(at: vec2u) -> ReprojectSurface",
+                "fn reproject_read_history(at: vec2u) -> ReprojectHistory"
+            } "reproject.bindings.wgsl";
         TAA "taa" ["math/sanitize"]
             {
                 "fn taa_read(at: vec2u) -> vec3f"

@@ -1,5 +1,6 @@
 //! Filters over time: each pixel against what the frames before knew of it.
 
 pub mod accumulate;
+pub mod reproject;
 pub mod taa;
 pub mod variance_clamp;

@@ -1,5 +1,6 @@
 //! Filters over time: the pairs and their contracts.
 
 pub mod accumulate;
+pub mod reproject;
 pub mod taa;
 pub mod variance_clamp;

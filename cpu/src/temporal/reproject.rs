@@ -1,0 +1,1142 @@
+//! Where a pixel was in the frame before, and what is left of its history.
+//!
+//! Three questions, each with its own functions. **Where**: the motion of a
+//! surface point ([`reproject_motion`]), or that of what a mirror shows there
+//! ([`reproject_reflection_motion`]: the image of the hit point, by the
+//! equation of a curved mirror). **Whether**: each texel of the footprint is
+//! tested for itself against the surface that should be there
+//! ([`reproject_matches`]). **What**: the mean of those that pass
+//! ([`reproject_gather`]), and the blend of two such histories by how well they
+//! agree with the new frame ([`reproject_share`]).
+//!
+//! Source: Schied et al., *Spatiotemporal Variance-Guided Filtering* (2017),
+//! section 4.1, for four taps tested one by one and a fallback of 3 × 3;
+//! Deligiannis, Schmid and Uludag, *Hybrid Rendering for Real-Time Ray Tracing*
+//! (Ray Tracing Gems, chapter 25) for the blend of two reprojections; Deschamps,
+//! *Ray Techniques in Electromagnetics* (1972) for reflection at a curved
+//! surface, at normal incidence the equation of the thin mirror.
+
+use glam::{UVec2, Vec2, Vec3, Vec4};
+
+use crate::math::exponent::exp2_poly;
+use crate::math::luminance::luminance;
+use crate::math::vector::{vec3_cross, vec3_dot, vec3_normalize};
+use crate::ray::camera::Camera;
+
+/// The motion, in pixels, of a point that the frame before did not show.
+pub const REPROJECT_NOWHERE: f32 = 16_777_216.0;
+
+/// Motions of this many pixels and more have no history.
+pub const REPROJECT_FAR: f32 = 4_194_304.0;
+
+/// Smallest share of a footprint that must pass the tests.
+pub const REPROJECT_COVERAGE: f32 = 0.01;
+
+/// How close to its focus a concave mirror is taken at its word: images are at
+/// most 1/this times as far away as what they show.
+pub const REPROJECT_FOCUS: f32 = 0.015625;
+
+/// Smallest deviation that counts, relative to the signal.
+pub const REPROJECT_DEVIATION: f32 = 0.03125;
+
+/// Limits of the tests that suit most scenes.
+pub const REPROJECT_TOLERANCE: ReprojectTolerance = ReprojectTolerance {
+    plane: 0.01,
+    normal: 0.5,
+};
+
+/// What a G-buffer knows of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectSurface {
+    /// Where its surface is, in the world.
+    pub position: Vec3,
+    /// Distance from the eye, above 0; not above 0 where there is no surface.
+    pub depth: f32,
+    /// Its unit normal.
+    pub normal: Vec3,
+    /// Which object it belongs to.
+    pub mesh: u32,
+}
+
+/// How far a texel may be from the surface that should be there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectTolerance {
+    /// Distance from the surface, relative to its depth.
+    pub plane: f32,
+    /// Distance between the unit normals, about the angle in radians; 2 accepts
+    /// any.
+    pub normal: f32,
+}
+
+/// Which texels of the frame before a pixel takes its history from.
+///
+/// Texel `3j + i` of `0..9` lies at `corner + (i, j)` and weighs
+/// `across[i]·down[j]`, if its bit in `valid` is set; [`reproject_tap`] gives
+/// both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectTaps {
+    /// The first texel; left of the image it is 2^32 - 1, as integers wrap.
+    pub corner: UVec2,
+    /// Weights of the three columns; they sum to one.
+    pub across: Vec3,
+    /// Weights of the three rows; they sum to one.
+    pub down: Vec3,
+    /// A bit for each texel that counts; none: no history.
+    pub valid: u32,
+}
+
+/// No history.
+pub const REPROJECT_NO_TAPS: ReprojectTaps = ReprojectTaps {
+    corner: UVec2::ZERO,
+    across: Vec3::ZERO,
+    down: Vec3::ZERO,
+    valid: 0,
+};
+
+/// A texel and its weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectTap {
+    /// The texel, inside the image if its weight is above 0.
+    pub at: UVec2,
+    /// Its weight in `[0, 1]`, not normalised over the valid texels.
+    pub weight: f32,
+}
+
+/// What has been gathered over the frames before, of one or several channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectHistory<V> {
+    /// The value.
+    pub value: V,
+    /// How many frames it stands for; not above 0: no history.
+    pub length: f32,
+}
+
+/// How position and normal change over a surface, along one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct ReprojectBend {
+    /// Change of the position.
+    pub along: Vec3,
+    /// Change of the unit normal over it.
+    pub turn: Vec3,
+}
+
+/// What a history may hold: a scalar or two to four channels, finite and of
+/// either sign. In WGSL it is an alias that the program declares.
+pub trait ReprojectValue: Copy {
+    /// Zero in each channel.
+    const NOTHING: Self;
+    /// `self·weight`.
+    #[must_use]
+    fn times(self, weight: f32) -> Self;
+    /// `self + other·weight`.
+    #[must_use]
+    fn plus(self, other: Self, weight: f32) -> Self;
+    /// `self / weight`.
+    #[must_use]
+    fn over(self, weight: f32) -> Self;
+    /// The smaller one, channel by channel.
+    #[must_use]
+    fn least(self, other: Self) -> Self;
+    /// The larger one, channel by channel.
+    #[must_use]
+    fn most(self, other: Self) -> Self;
+}
+
+macro_rules! reproject_value {
+    ($($ty:ty = $nothing:expr),+) => {$(
+        impl ReprojectValue for $ty {
+            const NOTHING: Self = $nothing;
+            #[inline(always)]
+            fn times(self, weight: f32) -> Self {
+                self * weight
+            }
+            #[inline(always)]
+            fn plus(self, other: Self, weight: f32) -> Self {
+                self + other * weight
+            }
+            #[inline(always)]
+            fn over(self, weight: f32) -> Self {
+                self / weight
+            }
+            #[inline(always)]
+            fn least(self, other: Self) -> Self {
+                self.min(other)
+            }
+            #[inline(always)]
+            fn most(self, other: Self) -> Self {
+                self.max(other)
+            }
+        }
+    )+};
+}
+reproject_value!(
+    f32 = 0.0,
+    Vec2 = Vec2::ZERO,
+    Vec3 = Vec3::ZERO,
+    Vec4 = Vec4::ZERO
+);
+
+/// Where a camera sees a point: in pixels from the upper left corner of its
+/// image, `y` down, and the depth along [`Camera::forward`].
+///
+/// The inverse of `camera_position_from_depth`, for axes that need not be
+/// perpendicular. A point behind the eye has a negative depth, and the place
+/// where the line through eye and point meets the image. Depth 0 (and place 0)
+/// means that there is no such place. Points closer than 1e12 to the eye.
+///
+/// Error analysis: three triple products, each a sum that may cancel, so the
+/// error is that of `|point - eye|` times the length of the reciprocal axis,
+/// over the depth: an ULP of the image's width for points inside the image.
+#[inline]
+#[must_use]
+pub fn reproject_project(point: Vec3, camera: Camera) -> Vec3 {
+    let to = Vec3::new(
+        point.x - camera.origin.x,
+        point.y - camera.origin.y,
+        point.z - camera.origin.z,
+    );
+    let across = vec3_cross(camera.right, camera.up);
+    let ahead = vec3_dot(to, across);
+    let volume = vec3_dot(camera.forward, across);
+    if ahead.abs() <= 1e-18 || volume.abs() <= 1e-18 {
+        return Vec3::ZERO;
+    }
+    let x = vec3_dot(to, vec3_cross(camera.up, camera.forward)) / ahead;
+    let y = vec3_dot(to, vec3_cross(camera.forward, camera.right)) / ahead;
+    Vec3::new(
+        (0.5 + 0.5 * x) / camera.inverse_resolution.x,
+        (0.5 - 0.5 * y) / camera.inverse_resolution.y,
+        ahead / volume,
+    )
+}
+
+/// Whether two cameras and points are the same, bit by bit or as zeros.
+#[inline(always)]
+fn reproject_still(point: Vec3, prior_point: Vec3, camera: Camera, prior: Camera) -> bool {
+    point == prior_point
+        && camera.origin == prior.origin
+        && camera.right == prior.right
+        && camera.up == prior.up
+        && camera.forward == prior.forward
+        && camera.inverse_resolution == prior.inverse_resolution
+}
+
+/// How many pixels a point has to be moved to where the frame before saw it.
+///
+/// `prior_point` is where the point was then (the same for what stands still),
+/// `prior_camera` the camera then. Exactly 0 where nothing moves, on any
+/// driver. [`REPROJECT_NOWHERE`] where one camera has the point before it and
+/// the other behind.
+///
+/// Error analysis: the difference of two [`reproject_project`].
+#[inline]
+#[must_use]
+pub fn reproject_motion(
+    point: Vec3,
+    prior_point: Vec3,
+    camera: Camera,
+    prior_camera: Camera,
+) -> Vec2 {
+    if reproject_still(point, prior_point, camera, prior_camera) {
+        return Vec2::ZERO;
+    }
+    let now = reproject_project(point, camera);
+    let then = reproject_project(prior_point, prior_camera);
+    let before = now.z > 0.0 && then.z > 0.0;
+    let behind = now.z < 0.0 && then.z < 0.0;
+    if !before && !behind {
+        return Vec2::splat(REPROJECT_NOWHERE);
+    }
+    Vec2::new(then.x - now.x, then.y - now.y)
+}
+
+/// Curvature of a surface from two of its points, one over a length: `along` is
+/// the step from one to the other, `turn` the change of the unit normal over it.
+///
+/// Above 0 for a convex surface. Exact on a sphere (one over its radius) and a
+/// plane, for a step of any size. 0 without a step. The step is longer than
+/// 1e-15 and shorter than 1e15.
+///
+/// Error analysis: a dot product that may cancel over a sum of squares. Noise
+/// `ε` in the normals gives `ε/|along|`.
+#[inline]
+#[must_use]
+pub fn reproject_curvature(along: Vec3, turn: Vec3) -> f32 {
+    let square = vec3_dot(along, along);
+    if square <= 1e-30 {
+        return 0.0;
+    }
+    vec3_dot(turn, along) / square
+}
+
+/// By how much a mirror adds to the curvature of a wave front that it reflects
+/// (one over a length), along one direction over its surface.
+///
+/// `view` is the unit vector from the eye to the mirror, `along` and `turn` as
+/// in [`reproject_curvature`] with curvature κ. With the angle of incidence θ
+/// it is 2κ/cos θ for a step in the plane of incidence, 2κ cos θ for one
+/// across it, and twice the curvature at θ = 0. 0 for a flat mirror, without a
+/// step, and where the mirror is seen from behind.
+///
+/// Source: Deschamps 1972, the reflected front's curvature: 2 cos θ times the
+/// second fundamental form over the step's square as the eye sees it.
+///
+/// Error analysis: products of two dot products and a cross product, each of
+/// which may cancel.
+#[inline]
+#[must_use]
+pub fn reproject_power(view: Vec3, normal: Vec3, along: Vec3, turn: Vec3) -> f32 {
+    let cosine = -vec3_dot(view, normal);
+    let seen = vec3_cross(view, along);
+    let square = vec3_dot(seen, seen);
+    if cosine <= 0.0 || square <= 1e-30 {
+        return 0.0;
+    }
+    (2.0 * cosine) * (vec3_dot(turn, along) / square)
+}
+
+/// How far behind a mirror the image of a point lies that is `distance`
+/// (`[0, 1e18]`) before it.
+///
+/// The equation of the thin mirror, 1/image = 1/distance + `power`: the same
+/// distance for a flat mirror (`power` 0), less for a convex one (`power`
+/// above 0). A concave mirror shows what is beyond its focus as a real image
+/// before it: the result is negative. Next to the focus it is limited to
+/// `distance`/[`REPROJECT_FOCUS`].
+///
+/// Error analysis: a quotient; its divisor cancels next to the focus.
+#[inline]
+#[must_use]
+pub fn reproject_image_distance(distance: f32, power: f32) -> f32 {
+    let bend = 1.0 + distance * power;
+    if bend >= 0.0 {
+        distance / bend.max(REPROJECT_FOCUS)
+    } else {
+        distance / bend.min(-REPROJECT_FOCUS)
+    }
+}
+
+/// Where a mirror's image of a hit point lies in the world: behind the mirror
+/// on the ray from the eye, or (a concave mirror) before it.
+///
+/// `position` is the mirror's point, not at the `eye`; `distance` that from
+/// there to the hit point, `power` as in [`reproject_power`].
+///
+/// Error analysis: a unit vector, [`reproject_image_distance`], one product and
+/// one sum for each component.
+#[inline]
+#[must_use]
+pub fn reproject_virtual_point(eye: Vec3, position: Vec3, distance: f32, power: f32) -> Vec3 {
+    let view = vec3_normalize(Vec3::new(
+        position.x - eye.x,
+        position.y - eye.y,
+        position.z - eye.z,
+    ));
+    let image = reproject_image_distance(distance, power);
+    Vec3::new(
+        position.x + view.x * image,
+        position.y + view.y * image,
+        position.z + view.z * image,
+    )
+}
+
+/// Whether a motion is a number below [`REPROJECT_FAR`].
+#[inline(always)]
+fn reproject_near(motion: Vec2) -> bool {
+    // By bits: NaN and infinity have the largest ones.
+    let far = REPROJECT_FAR.to_bits();
+    (motion.x.to_bits() & 0x7fff_ffff) < far && (motion.y.to_bits() & 0x7fff_ffff) < far
+}
+
+/// A bit for each of three texels from `corner` on that is inside and weighs
+/// something.
+#[inline(always)]
+fn reproject_bits(corner: u32, size: u32, weights: Vec3) -> u32 {
+    let first = u32::from(corner < size && weights.x > 0.0);
+    let second = u32::from(corner.wrapping_add(1) < size && weights.y > 0.0);
+    let third = u32::from(corner.wrapping_add(2) < size && weights.z > 0.0);
+    first | (second << 1) | (third << 2)
+}
+
+/// Nine bits from those of three columns and three rows.
+#[inline(always)]
+fn reproject_square(columns: u32, rows: u32) -> u32 {
+    let first = columns * (rows & 1);
+    let second = columns * ((rows >> 1) & 1);
+    let third = columns * ((rows >> 2) & 1);
+    first | (second << 3) | (third << 6)
+}
+
+/// The four texels around where a pixel was, with bilinear weights.
+///
+/// `motion` as in [`reproject_motion`], in pixels; `size` the image's, each
+/// side below 2^30, `pixel` inside it. Texels outside the image do not count,
+/// each for itself. Nothing counts where the place itself is outside the image,
+/// or where the motion is not finite or [`REPROJECT_FAR`] or more. A motion of
+/// whole pixels gives one texel of weight 1.
+///
+/// Error analysis: floor and the difference from it are exact but where a
+/// motion is closer to a whole number than 2^-24: each weight errs by half an
+/// ULP of 1.
+#[inline]
+#[must_use]
+pub fn reproject_footprint(pixel: UVec2, size: UVec2, motion: Vec2) -> ReprojectTaps {
+    if !reproject_near(motion) {
+        return REPROJECT_NO_TAPS;
+    }
+    // Of the motion alone, not of pixel plus motion: that would round.
+    let base = Vec2::new(motion.x.floor(), motion.y.floor());
+    let part = Vec2::new(motion.x - base.x, motion.y - base.y);
+    let corner = UVec2::new(
+        pixel.x.wrapping_add(base.x as i32 as u32),
+        pixel.y.wrapping_add(base.y as i32 as u32),
+    );
+    let across = Vec3::new(1.0 - part.x, part.x, 0.0);
+    let down = Vec3::new(1.0 - part.y, part.y, 0.0);
+    // The image ends half a pixel beyond the middle of its last one.
+    let left = corner.x < size.x || part.x >= 0.5;
+    let right = corner.x.wrapping_add(1) < size.x || part.x <= 0.5;
+    let top = corner.y < size.y || part.y >= 0.5;
+    let bottom = corner.y.wrapping_add(1) < size.y || part.y <= 0.5;
+    if !(left && right && top && bottom) {
+        return REPROJECT_NO_TAPS;
+    }
+    ReprojectTaps {
+        corner,
+        across,
+        down,
+        valid: reproject_square(
+            reproject_bits(corner.x, size.x, across),
+            reproject_bits(corner.y, size.y, down),
+        ),
+    }
+}
+
+/// Weights of the quadratic B-spline at `t` pixels from the middle texel.
+#[inline(always)]
+fn reproject_spline(t: f32) -> Vec3 {
+    let low = 0.5 - t;
+    let high = 0.5 + t;
+    Vec3::new(0.5 * (low * low), 0.75 - t * t, 0.5 * (high * high))
+}
+
+/// The nine texels around where a pixel was, for when none of the four nearest
+/// is of the same surface. Arguments as in [`reproject_footprint`].
+///
+/// The weights are those of the quadratic B-spline: they fall to 0 toward a
+/// distance of 1.5 pixels, so nothing jumps where the middle texel changes, and
+/// an image and its mirror image give mirrored results.
+///
+/// Error analysis: one difference (exact), a square and a difference of
+/// numbers that do not cancel.
+#[inline]
+#[must_use]
+pub fn reproject_footprint_wide(pixel: UVec2, size: UVec2, motion: Vec2) -> ReprojectTaps {
+    if !reproject_near(motion) {
+        return REPROJECT_NO_TAPS;
+    }
+    let base = Vec2::new((motion.x + 0.5).floor(), (motion.y + 0.5).floor());
+    let part = Vec2::new(motion.x - base.x, motion.y - base.y);
+    let middle = UVec2::new(
+        pixel.x.wrapping_add(base.x as i32 as u32),
+        pixel.y.wrapping_add(base.y as i32 as u32),
+    );
+    let corner = UVec2::new(middle.x.wrapping_sub(1), middle.y.wrapping_sub(1));
+    // A place on the very edge belongs to the image on either side.
+    let inside_x = middle.x < size.x || (corner.x < size.x && part.x <= -0.5);
+    let inside_y = middle.y < size.y || (corner.y < size.y && part.y <= -0.5);
+    if !inside_x || !inside_y {
+        return REPROJECT_NO_TAPS;
+    }
+    let across = reproject_spline(part.x);
+    let down = reproject_spline(part.y);
+    ReprojectTaps {
+        corner,
+        across,
+        down,
+        valid: reproject_square(
+            reproject_bits(corner.x, size.x, across),
+            reproject_bits(corner.y, size.y, down),
+        ),
+    }
+}
+
+/// One of three weights.
+#[inline(always)]
+fn reproject_pick(weights: Vec3, index: u32) -> f32 {
+    if index == 0 {
+        weights.x
+    } else if index == 1 {
+        weights.y
+    } else {
+        weights.z
+    }
+}
+
+/// Texel `index` of `0..9` and its weight; a weight of 0 (and texel 0): it does
+/// not count. To gather channels of your own, weigh each texel's value by it and
+/// divide by the sum of the weights.
+///
+/// Error analysis: one product.
+#[inline]
+#[must_use]
+pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
+    if index >= 9 || (taps.valid >> index) & 1 == 0 {
+        return ReprojectTap {
+            at: UVec2::ZERO,
+            weight: 0.0,
+        };
+    }
+    let row = index / 3;
+    let column = index - 3 * row;
+    ReprojectTap {
+        at: UVec2::new(
+            taps.corner.x.wrapping_add(column),
+            taps.corner.y.wrapping_add(row),
+        ),
+        weight: reproject_pick(taps.across, column) * reproject_pick(taps.down, row),
+    }
+}
+
+/// 1 if a texel of the frame before shows the surface that should be there,
+/// else 0.
+///
+/// `expected` is the pixel's own surface, moved back to where it was then (a
+/// surface that stands still: the pixel's own); `curvature` as in
+/// [`reproject_curvature`], 0 for flat. Same mesh; distance from the surface at
+/// most `tolerance.plane` times the depth; distance of its normal from the
+/// expected one at most `tolerance.normal`. The surface and its normal are
+/// those of a sphere through `expected`, or of its plane: on it both distances
+/// are 0, at any angle and step.
+///
+/// Error analysis: the offset is a difference of positions, so the height errs
+/// by an ULP of the offset; a texel within that of the limit may fall on either
+/// side.
+#[inline]
+#[must_use]
+pub fn reproject_matches(
+    expected: ReprojectSurface,
+    curvature: f32,
+    found: ReprojectSurface,
+    tolerance: ReprojectTolerance,
+) -> u32 {
+    if expected.depth <= 0.0 || found.depth <= 0.0 || expected.mesh != found.mesh {
+        return 0;
+    }
+    let to = Vec3::new(
+        found.position.x - expected.position.x,
+        found.position.y - expected.position.y,
+        found.position.z - expected.position.z,
+    );
+    let fall = 0.5 * curvature * vec3_dot(to, to);
+    let height = vec3_dot(expected.normal, to) + fall;
+    if height.abs() > tolerance.plane * expected.depth {
+        return 0;
+    }
+    let turned = Vec3::new(
+        (found.normal.x - expected.normal.x) - curvature * to.x,
+        (found.normal.y - expected.normal.y) - curvature * to.y,
+        (found.normal.z - expected.normal.z) - curvature * to.z,
+    );
+    if vec3_dot(turned, turned) > tolerance.normal * tolerance.normal {
+        return 0;
+    }
+    1
+}
+
+/// The taps that pass the test, and whether those are enough; none if not.
+#[inline(always)]
+fn reproject_tested<P>(
+    taps: ReprojectTaps,
+    expected: ReprojectSurface,
+    curvature: f32,
+    tolerance: ReprojectTolerance,
+    read_prior: &P,
+) -> ReprojectTaps
+where
+    P: Fn(UVec2) -> ReprojectSurface,
+{
+    let mut tested = taps;
+    let mut coverage = 0.0;
+    let mut i = 0;
+    while i < 9 {
+        let tap = reproject_tap(taps, i);
+        if tap.weight > 0.0 {
+            let found = read_prior(tap.at);
+            if reproject_matches(expected, curvature, found, tolerance) == 1 {
+                coverage += tap.weight;
+            } else {
+                tested.valid &= !(1 << i);
+            }
+        }
+        i += 1;
+    }
+    if coverage < REPROJECT_COVERAGE {
+        return REPROJECT_NO_TAPS;
+    }
+    tested
+}
+
+/// Which texels of the frame before show the same surface as a pixel does now.
+///
+/// `pixel`, `size` and `motion` as in [`reproject_footprint`]; `expected`,
+/// `curvature` and `tolerance` as in [`reproject_matches`]. `read_prior(at)`
+/// gives the surface that the frame before had in a texel, only called inside
+/// `size`. The four nearest texels, or, where less than
+/// [`REPROJECT_COVERAGE`] of them passes, those of the 3 × 3 around; if these
+/// do not suffice either, no history. Reads one texel where nothing moves.
+///
+/// In WGSL `read_prior` is a function that the program defines.
+///
+/// Error analysis: that of [`reproject_footprint`].
+#[inline]
+#[must_use]
+pub fn reproject_find<P>(
+    pixel: UVec2,
+    size: UVec2,
+    motion: Vec2,
+    expected: ReprojectSurface,
+    curvature: f32,
+    tolerance: ReprojectTolerance,
+    read_prior: P,
+) -> ReprojectTaps
+where
+    P: Fn(UVec2) -> ReprojectSurface,
+{
+    if expected.depth <= 0.0 {
+        return REPROJECT_NO_TAPS;
+    }
+    let near = reproject_tested(
+        reproject_footprint(pixel, size, motion),
+        expected,
+        curvature,
+        tolerance,
+        &read_prior,
+    );
+    if near.valid != 0 {
+        return near;
+    }
+    reproject_tested(
+        reproject_footprint_wide(pixel, size, motion),
+        expected,
+        curvature,
+        tolerance,
+        &read_prior,
+    )
+}
+
+/// The history of the texels that count: their weighted mean.
+///
+/// `read_history(at)` gives a texel's history; it must say length 0 where a
+/// value is not finite (`math/sanitize`), and such a texel does not count. Each
+/// channel lies between those of the texels; of one texel alone it is that
+/// value itself. The length is the weighted harmonic mean of the texels': the
+/// variance of a mean is at most the mean of the variances, whatever they have
+/// in common, so a length never promises more than there is, and never more
+/// than the longest of the texels.
+///
+/// In WGSL `read_history` is a function that the program defines.
+///
+/// Error analysis: sums of at most nine products over a sum of weights; the
+/// weights are positive, so the error is a few ULP of the largest value.
+#[inline]
+#[must_use]
+pub fn reproject_gather<V, R>(taps: ReprojectTaps, read_history: R) -> ReprojectHistory<V>
+where
+    V: ReprojectValue,
+    R: Fn(UVec2) -> ReprojectHistory<V>,
+{
+    let mut sum = V::NOTHING;
+    let mut low = V::NOTHING;
+    let mut high = V::NOTHING;
+    let mut weight = 0.0;
+    let mut rates = 0.0;
+    let mut shortest = 0.0f32;
+    let mut longest = 0.0f32;
+    let mut i = 0;
+    while i < 9 {
+        let tap = reproject_tap(taps, i);
+        i += 1;
+        if tap.weight <= 0.0 {
+            continue;
+        }
+        let texel = read_history(tap.at);
+        if texel.length <= 0.0 {
+            continue;
+        }
+        if weight <= 0.0 {
+            low = texel.value;
+            high = texel.value;
+            shortest = texel.length;
+            longest = texel.length;
+        } else {
+            low = low.least(texel.value);
+            high = high.most(texel.value);
+            shortest = shortest.min(texel.length);
+            longest = longest.max(texel.length);
+        }
+        sum = sum.plus(texel.value, tap.weight);
+        weight += tap.weight;
+        rates += tap.weight / texel.length;
+    }
+    if weight <= 0.0 {
+        return ReprojectHistory {
+            value: V::NOTHING,
+            length: 0.0,
+        };
+    }
+    ReprojectHistory {
+        value: sum.over(weight).most(low).least(high),
+        length: (weight / rates).max(shortest).min(longest),
+    }
+}
+
+/// The history of a pixel: [`reproject_find`], then [`reproject_gather`].
+///
+/// In WGSL the two callbacks are functions that the program defines.
+///
+/// Error analysis: a convex combination; a motion's error moves it by as much
+/// of the difference between texels.
+#[allow(clippy::too_many_arguments)]
+#[inline]
+#[must_use]
+pub fn reproject_pixel<V, P, R>(
+    pixel: UVec2,
+    size: UVec2,
+    motion: Vec2,
+    expected: ReprojectSurface,
+    curvature: f32,
+    tolerance: ReprojectTolerance,
+    read_prior: P,
+    read_history: R,
+) -> ReprojectHistory<V>
+where
+    V: ReprojectValue,
+    P: Fn(UVec2) -> ReprojectSurface,
+    R: Fn(UVec2) -> ReprojectHistory<V>,
+{
+    let taps = reproject_find(
+        pixel, size, motion, expected, curvature, tolerance, read_prior,
+    );
+    reproject_gather(taps, read_history)
+}
+
+/// The step from a pixel's surface to a neighbour's, or 0 if that is another
+/// object or none.
+#[inline(always)]
+fn reproject_step(from: ReprojectSurface, to: ReprojectSurface) -> ReprojectBend {
+    if to.depth <= 0.0 || to.mesh != from.mesh {
+        return ReprojectBend {
+            along: Vec3::ZERO,
+            turn: Vec3::ZERO,
+        };
+    }
+    ReprojectBend {
+        along: to.position - from.position,
+        turn: to.normal - from.normal,
+    }
+}
+
+/// The shorter of the steps to two neighbours on opposite sides, as seen toward
+/// the second; of two of the same length the second.
+#[inline(always)]
+fn reproject_shorter(back: ReprojectBend, ahead: ReprojectBend) -> ReprojectBend {
+    let back_square = vec3_dot(back.along, back.along);
+    let ahead_square = vec3_dot(ahead.along, ahead.along);
+    if back_square > 0.0 && (ahead_square <= 0.0 || back_square < ahead_square) {
+        return ReprojectBend {
+            along: -back.along,
+            turn: -back.turn,
+        };
+    }
+    ahead
+}
+
+/// How a pixel's surface bends in the image's direction `parallax` (in pixels,
+/// of any length): from the neighbour to the left or right, and that above or
+/// below, whichever is nearer in the world.
+///
+/// `read_surface(at)` gives the surface that this frame has in a pixel, only
+/// called inside `size`. Neighbours of another mesh or without a surface do not
+/// count; without any, or for parallax 0, both steps are 0. For
+/// [`reproject_curvature`] and [`reproject_power`], which see no difference
+/// between short and long steps on a sphere.
+///
+/// In WGSL `read_surface` is a function that the program defines.
+///
+/// Error analysis: differences of positions and of normals, times two factors.
+#[inline]
+#[must_use]
+pub fn reproject_bend<S>(
+    pixel: UVec2,
+    size: UVec2,
+    parallax: Vec2,
+    read_surface: S,
+) -> ReprojectBend
+where
+    S: Fn(UVec2) -> ReprojectSurface,
+{
+    let mut across = ReprojectBend {
+        along: Vec3::ZERO,
+        turn: Vec3::ZERO,
+    };
+    let mut down = across;
+    if pixel.x >= size.x || pixel.y >= size.y || (parallax.x == 0.0 && parallax.y == 0.0) {
+        return across;
+    }
+    let centre = read_surface(pixel);
+    if centre.depth <= 0.0 {
+        return across;
+    }
+    let mut left = across;
+    let mut above = across;
+    if pixel.x > 0 {
+        left = reproject_step(centre, read_surface(UVec2::new(pixel.x - 1, pixel.y)));
+    }
+    if pixel.x + 1 < size.x {
+        across = reproject_step(centre, read_surface(UVec2::new(pixel.x + 1, pixel.y)));
+    }
+    if pixel.y > 0 {
+        above = reproject_step(centre, read_surface(UVec2::new(pixel.x, pixel.y - 1)));
+    }
+    if pixel.y + 1 < size.y {
+        down = reproject_step(centre, read_surface(UVec2::new(pixel.x, pixel.y + 1)));
+    }
+    across = reproject_shorter(left, across);
+    down = reproject_shorter(above, down);
+    ReprojectBend {
+        along: across.along * parallax.x + down.along * parallax.y,
+        turn: across.turn * parallax.x + down.turn * parallax.y,
+    }
+}
+
+/// The motion of what a mirror shows in a pixel, as [`reproject_motion`]:
+/// of the image of the hit point, `distance` from the mirror along the
+/// reflected ray.
+///
+/// The mirror and what it shows stand still. Its curvature is taken from
+/// neighbouring pixels, in the direction in which the eye's own movement (not
+/// its turning) shifts them. Exactly 0 where the camera stands still.
+/// [`REPROJECT_NOWHERE`] without a surface. `read_surface` as in
+/// [`reproject_bend`].
+///
+/// Error analysis: [`reproject_bend`], [`reproject_power`],
+/// [`reproject_virtual_point`] and [`reproject_motion`] one after the other.
+#[inline]
+#[must_use]
+pub fn reproject_reflection_motion<S>(
+    pixel: UVec2,
+    size: UVec2,
+    distance: f32,
+    camera: Camera,
+    prior_camera: Camera,
+    read_surface: S,
+) -> Vec2
+where
+    S: Fn(UVec2) -> ReprojectSurface,
+{
+    if pixel.x >= size.x || pixel.y >= size.y {
+        return Vec2::splat(REPROJECT_NOWHERE);
+    }
+    let mirror = read_surface(pixel);
+    if mirror.depth <= 0.0 {
+        return Vec2::splat(REPROJECT_NOWHERE);
+    }
+    // The camera of now at the place of then: movement without turning.
+    let moved = Camera {
+        origin: prior_camera.origin,
+        ..camera
+    };
+    let parallax = reproject_motion(mirror.position, mirror.position, camera, moved);
+    let bend = reproject_bend(pixel, size, parallax, read_surface);
+    let view = vec3_normalize(Vec3::new(
+        mirror.position.x - camera.origin.x,
+        mirror.position.y - camera.origin.y,
+        mirror.position.z - camera.origin.z,
+    ));
+    let power = reproject_power(view, mirror.normal, bend.along, bend.turn);
+    let point = reproject_virtual_point(camera.origin, mirror.position, distance, power);
+    reproject_motion(point, point, camera, prior_camera)
+}
+
+/// One channel's distance in deviations.
+#[inline(always)]
+fn reproject_deviations(value: f32, mean: f32, deviation: f32, floor: f32) -> f32 {
+    let unit = deviation.max(floor);
+    if unit <= 0.0 {
+        return 0.0;
+    }
+    (value - mean).abs() / unit
+}
+
+/// How far a colour is from what a neighbourhood of the new frame shows:
+/// luminance of the distances from its mean in each channel, in standard
+/// deviations.
+///
+/// A deviation counts as at least [`REPROJECT_DEVIATION`] times the luminance
+/// of colour or mean, whichever is brighter: so nothing divides by 0, and a
+/// factor on the exposure changes nothing. At most 96. Arguments are `>= 0`.
+///
+/// Source: Ray Tracing Gems, chapter 25; its listing has no absolute value and
+/// no floor.
+///
+/// Error analysis: differences of arguments, quotients, a sum of positive
+/// terms.
+#[inline]
+#[must_use]
+pub fn reproject_color_distance(color: Vec3, mean: Vec3, deviation: Vec3) -> f32 {
+    let floor = REPROJECT_DEVIATION * luminance(color).max(luminance(mean));
+    luminance(Vec3::new(
+        reproject_deviations(color.x, mean.x, deviation.x, floor),
+        reproject_deviations(color.y, mean.y, deviation.y, floor),
+        reproject_deviations(color.z, mean.z, deviation.z, floor),
+    ))
+}
+
+/// The chapter's weight of a reprojected colour, in `[0, 1]`: 2 to the power
+/// of -10 times [`reproject_color_distance`].
+///
+/// To blend two, [`reproject_share`] gives the quotient of their weights even
+/// where both are too small for an `f32`.
+///
+/// Error analysis: `x·2^-x` is below 0.54, so a few ULP of 1.
+#[inline]
+#[must_use]
+pub fn reproject_color_weight(color: Vec3, mean: Vec3, deviation: Vec3) -> f32 {
+    exp2_poly(-10.0 * reproject_color_distance(color, mean, deviation))
+}
+
+/// The second one's share of a blend, in `[0, 1]`, from the distances of both
+/// ([`reproject_color_distance`], or any other, `>= 0`): its weight over the
+/// sum of the weights.
+///
+/// Error analysis: the exponent is a difference of arguments; the divisor is
+/// between 1 and 2.
+#[inline]
+#[must_use]
+pub fn reproject_share(first: f32, second: f32) -> f32 {
+    let ratio = exp2_poly(-10.0 * (second - first).abs());
+    if second > first {
+        ratio / (1.0 + ratio)
+    } else {
+        1.0 / (1.0 + ratio)
+    }
+}
+
+/// The blend of two histories of one pixel, `share` in `[0, 1]` of it from the
+/// second; where one has no history, the other.
+///
+/// Between the two in each channel, exactly so; the length is the weighted
+/// harmonic mean, as in [`reproject_gather`].
+///
+/// Error analysis: a sum of two products, clamped; three quotients.
+#[inline]
+#[must_use]
+pub fn reproject_blend<V: ReprojectValue>(
+    first: ReprojectHistory<V>,
+    second: ReprojectHistory<V>,
+    share: f32,
+) -> ReprojectHistory<V> {
+    if second.length <= 0.0 {
+        return first;
+    }
+    if first.length <= 0.0 {
+        return second;
+    }
+    let rest = 1.0 - share;
+    let mixed = first.value.times(rest).plus(second.value, share);
+    let rate = rest / first.length + share / second.length;
+    ReprojectHistory {
+        value: mixed
+            .most(first.value.least(second.value))
+            .least(first.value.most(second.value)),
+        length: (1.0 / rate)
+            .max(first.length.min(second.length))
+            .min(first.length.max(second.length)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::pcg::{pcg_next, pcg_unit};
+    use crate::ray::camera::{camera_position_from_depth, camera_ray};
+    use glam::{DVec2, DVec3};
+
+    fn numbers(seed: u32) -> impl FnMut() -> f32 {
+        let mut state = seed;
+        move || {
+            let next = pcg_next(state);
+            state = next.state;
+            pcg_unit(next.value)
+        }
+    }
+
+    const SIZE: UVec2 = UVec2::new(320, 180);
+
+    fn camera(origin: Vec3, target: Vec3) -> Camera {
+        let forward = (target - origin).normalize();
+        let right = forward.cross(Vec3::Y).normalize();
+        let (width, height) = (SIZE.x as f32, SIZE.y as f32);
+        Camera {
+            origin,
+            right: right * (0.5 * width / height),
+            up: right.cross(forward) * 0.5,
+            forward,
+            inverse_resolution: Vec2::new(1.0 / width, 1.0 / height),
+        }
+    }
+
+    fn middle(pixel: UVec2) -> Vec2 {
+        pixel.as_vec2() + 0.5
+    }
+
+    fn flat(at: UVec2) -> ReprojectSurface {
+        ReprojectSurface {
+            position: Vec3::new(at.x as f32, at.y as f32, 0.0),
+            depth: 1.0,
+            normal: Vec3::Z,
+            mesh: 0,
+        }
+    }
+
+    fn every(size: UVec2) -> impl Iterator<Item = UVec2> {
+        (0..size.x * size.y).map(move |i| UVec2::new(i % size.x, i / size.x))
+    }
+
+    fn listed(taps: ReprojectTaps) -> Vec<(UVec2, f32)> {
+        (0..9)
+            .map(|i| reproject_tap(taps, i))
+            .filter(|t| t.weight > 0.0)
+            .map(|t| (t.at, t.weight))
+            .collect()
+    }
+
+    fn weight(taps: ReprojectTaps) -> f32 {
+        listed(taps).iter().map(|t| t.1).sum()
+    }
+
+    #[test]
+    fn a_point_is_projected_to_the_pixel_that_shows_it() {
+        let camera = camera(Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 1.0, 0.5));
+        for pixel in every(SIZE).step_by(37) {
+            let point = camera_position_from_depth(middle(pixel), 7.0, camera);
+            let found = reproject_project(point, camera);
+            assert!((found.truncate() - middle(pixel)).length() < 2e-4);
+            assert!((found.z - 7.0).abs() < 1e-5);
+            // Through the eye to the other side: the same place.
+            let behind = reproject_project(2.0 * camera.origin - point, camera);
+            assert!((behind.truncate() - middle(pixel)).length() < 2e-4);
+            assert!((behind.z + 7.0).abs() < 1e-5);
+        }
+    }
+
+    /// The point of a spherical mirror that reflects `eye` to `hit`: where the
+    /// path is stationary, by Newton steps in two coordinates.
+    fn mirror_point(eye: DVec3, hit: DVec3, centre: DVec3, radius: f64, start: DVec3) -> DVec3 {
+        let mut p = start;
+        for _ in 0..60 {
+            let n = (p - centre) / radius;
+            let t = n.any_orthonormal_vector();
+            let b = n.cross(t);
+            let at = |u: DVec2| centre + (n + t * u.x + b * u.y).normalize() * radius;
+            let length = |u: DVec2| (at(u) - eye).length() + (at(u) - hit).length();
+            let h = 1e-4;
+            let (x, y) = (DVec2::X * h, DVec2::Y * h);
+            let slope = DVec2::new(length(x) - length(-x), length(y) - length(-y)) / (2.0 * h);
+            let at_zero = 2.0 * length(DVec2::ZERO);
+            let xx = (length(x) + length(-x) - at_zero) / (h * h);
+            let yy = (length(y) + length(-y) - at_zero) / (h * h);
+            let xy =
+                (length(x + y) + length(-x - y) - length(x - y) - length(y - x)) / (4.0 * h * h);
+            let step = DVec2::new(yy * slope.x - xy * slope.y, xx * slope.y - xy * slope.x)
+                / (xx * yy - xy * xy);
+            p = at(-step.clamp_length_max(0.02));
+        }
+        p
+    }
+
+    /// Worst and mean error in pixels of the surface's motion, of a flat
+    /// mirror's and of a curved mirror's, over the pixels of a mirror ball
+    /// (`radius` above 0) or of the inside of one.
+    fn mirror_errors(radius: f64, step: Vec3) -> [(f64, f64); 4] {
+        let eye = Vec3::new(0.0, 0.0, 5.0);
+        let now = camera(eye, Vec3::ZERO);
+        let then = camera(eye + step, Vec3::ZERO);
+        let centre = DVec3::new(0.0, 0.0, -radius);
+        let surface = |at: UVec2| {
+            let ray = camera_ray(middle(at), now);
+            let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+            let oc = o - centre;
+            let half = oc.dot(d);
+            let root = (half * half - oc.length_squared() + radius * radius)
+                .max(0.0)
+                .sqrt();
+            // The near side of a ball, the far side of a hollow one.
+            let t = -half - root * radius.signum();
+            let p = o + d * t;
+            (p, (p - centre) / radius, d)
+        };
+        let read = |at: UVec2| {
+            let (p, n, _) = surface(at);
+            ReprojectSurface {
+                position: p.as_vec3(),
+                depth: (p - eye.as_dvec3()).length() as f32,
+                normal: n.as_vec3(),
+                mesh: 0,
+            }
+        };
+        let mut found = [(0.0f64, 0.0f64); 4];
+        let mut count = 0;
+        for pixel in every(SIZE).step_by(11) {
+            let (p, n, view) = surface(pixel);
+            // Up to 66 degrees off the normal, and on the ball at all.
+            if -view.dot(n) < 0.4 || ((p - centre).length() - radius.abs()).abs() > 1e-6 {
+                continue;
+            }
+            let out = view - n * (2.0 * view.dot(n));
+            let distance = 1.5 + 2.0 * f64::from(pixel.x % 7) / 7.0;
+            let hit = p + out * distance;
+            let prior_eye = (eye + step).as_dvec3();
+            let seen = mirror_point(prior_eye, hit, centre, radius.abs(), p);
+            let truth = reproject_project(seen.as_vec3(), then).truncate() - middle(pixel);
+            let point = reproject_virtual_point(eye, p.as_vec3(), distance as f32, 0.0);
+            let twice = 2.0 / radius as f32;
+            let thin = reproject_virtual_point(eye, p.as_vec3(), distance as f32, twice);
+            for (found, motion) in found.iter_mut().zip([
+                reproject_motion(p.as_vec3(), p.as_vec3(), now, then),
+                reproject_motion(point, point, now, then),
+                reproject_motion(thin, thin, now, then),
+                reproject_reflection_motion(pixel, SIZE, distance as f32, now, then, read),
+            ]) {
+                let error = f64::from((motion - truth).length());
+                found.0 = found.0.max(error);
+                found.1 += error;
+            }
+            count += 1;
+        }
+        found.map(|(worst, sum)| (worst, sum / f64::from(count)))
+    }
+
+    #[test]
+    fn a_curved_mirror_moves_its_image_as_a_ray_tracer_finds_it() {
+        for (radius, name) in [
+            (1.0, "ball of 1"),
+            (4.0, "ball of 4"),
+            (-20.0, "hollow of 20"),
+        ] {
+            for step in [Vec3::X * 0.05, Vec3::Y * 0.05, Vec3::new(0.03, 0.03, 0.02)] {
+                let [surface, flat, thin, curved] = mirror_errors(radius, step);
+                println!(
+                    "{name}, {step}: surface {surface:.3?}, flat {flat:.3?}, thin {thin:.3?}, curved {curved:.3?}"
+                );
+            }
+        }
+    }
+}
