@@ -1,6 +1,8 @@
 //! Set-up and the two commands: `cargo xtask report` and `cargo xtask test`.
 
+mod compiler;
 mod embree;
+mod packages;
 mod run;
 mod vulkan;
 
@@ -61,8 +63,10 @@ fn main() -> ExitCode {
     }
 }
 
-/// Finds a Vulkan driver and Embree, or installs them, saying so first.
+/// Finds a C++ compiler, a Vulkan driver and Embree, or installs them, saying so
+/// first.
 fn setup(root: &Path) -> Result<Environment, Failure> {
+    compiler::ensure().map_err(|e| Failure::Setup(e.to_string()))?;
     let vulkan = vulkan::ensure(root).map_err(|e| Failure::Setup(e.to_string()))?;
     let embree = embree::ensure(root).map_err(|e| Failure::Setup(e.to_string()))?;
     println!("Embree: {embree}");
@@ -70,6 +74,7 @@ fn setup(root: &Path) -> Result<Environment, Failure> {
 }
 
 fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
+    compiler::ensure().map_err(|e| Failure::Setup(e.to_string()))?;
     let given = |name: &str| arguments.iter().any(|a| a == name);
     // Help needs no driver, and the CPU's half of the report neither.
     let environment = if given("--help") || given("-h") {

@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::packages::{InstallError, Packages};
+
 /// What the children need to know.
 pub struct Vulkan {
     /// Environment variables to set.
@@ -116,68 +118,17 @@ fn loader() -> bool {
 }
 
 fn install() -> Result<(), VulkanError> {
-    let managers: [(&str, &[&[&str]]); 3] = [
-        (
-            "apt-get",
-            &[
-                &["update"],
-                &[
-                    "install",
-                    "--yes",
-                    "--no-install-recommends",
-                    "mesa-vulkan-drivers",
-                    "libvulkan1",
-                ],
-            ],
-        ),
-        (
-            "dnf",
-            &[&[
-                "install",
-                "--assumeyes",
-                "mesa-vulkan-drivers",
-                "vulkan-loader",
-            ]],
-        ),
-        (
-            "pacman",
-            &[&["-S", "--noconfirm", "vulkan-swrast", "vulkan-icd-loader"]],
-        ),
-    ];
-    let (manager, calls) = managers
-        .iter()
-        .find(|(name, _)| on_path(name))
-        .ok_or(VulkanError::NoPackageManager)?;
-    let sudo = !is_root() && on_path("sudo");
-    for call in *calls {
-        let mut words = vec![*manager];
-        words.extend_from_slice(call);
-        if sudo {
-            words.insert(0, "sudo");
-        }
-        let line = words.join(" ");
-        println!("no Vulkan driver found; installing Mesa's software driver: {line}");
-        let status = Command::new(words[0])
-            .args(&words[1..])
-            .env("DEBIAN_FRONTEND", "noninteractive")
-            .status();
-        if !status.is_ok_and(|s| s.success()) {
-            return Err(VulkanError::Install(line));
-        }
-    }
-    Ok(())
-}
-
-fn on_path(program: &str) -> bool {
-    std::env::var_os("PATH")
-        .is_some_and(|path| std::env::split_paths(&path).any(|dir| dir.join(program).is_file()))
-}
-
-fn is_root() -> bool {
-    Command::new("id")
-        .arg("-u")
-        .output()
-        .is_ok_and(|o| o.stdout.trim_ascii() == b"0")
+    let packages = Packages {
+        apt: &["mesa-vulkan-drivers", "libvulkan1"],
+        dnf: &["mesa-vulkan-drivers", "vulkan-loader"],
+        pacman: &["vulkan-swrast", "vulkan-icd-loader"],
+    };
+    packages
+        .install("no Vulkan driver found; installing Mesa's software driver")
+        .map_err(|e| match e {
+            InstallError::NoPackageManager => VulkanError::NoPackageManager,
+            InstallError::Failed(line) => VulkanError::Install(line),
+        })
 }
 
 /// A manifest for the SwiftShader that Chromium ships, where it is installed:

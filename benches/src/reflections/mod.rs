@@ -19,7 +19,7 @@
 mod cpu;
 mod gpu;
 mod measure;
-mod program;
+pub(crate) mod program;
 #[cfg(test)]
 mod tests;
 
@@ -44,6 +44,9 @@ pub const NEIGHBOURS: [u32; 4] = [1, 4, 8, 16];
 
 /// Largest kernel of the bilateral filter: pixels, and taps.
 const BILATERAL: (f32, u32) = (6.0, 16);
+
+/// Perceptual roughness of a polished floor.
+const FLOOR_ROUGHNESS: f32 = 0.15;
 
 /// GGX roughness of the clear coat.
 const COAT: f32 = 0.02;
@@ -155,11 +158,15 @@ fn place(name: &str) -> Option<Place> {
 
 /// Balls in a room.
 pub struct ReflectionScene<'a> {
-    scene: &'a StageScene,
-    balls: Vec<Ball>,
+    pub(crate) scene: &'a StageScene,
+    pub(crate) balls: Vec<Ball>,
     ground: f32,
     checker: f32,
-    views: [(&'static str, scene::Camera); 2],
+    /// Middle of the balls' feet.
+    middle: Vec3,
+    /// From the row in front to the one behind.
+    pub(crate) back: Vec3,
+    pub(crate) views: [(&'static str, scene::Camera); 2],
 }
 
 impl<'a> ReflectionScene<'a> {
@@ -187,6 +194,8 @@ impl<'a> ReflectionScene<'a> {
             balls,
             ground: place.origin.y + 0.05 * place.radius,
             checker: 0.7 / place.radius,
+            middle: place.origin + 2.5 * place.right + 0.5 * place.back,
+            back: place.back,
             views: place.views,
         })
     }
@@ -197,9 +206,34 @@ impl<'a> ReflectionScene<'a> {
         self.views.map(|v| v.0)
     }
 
+    /// A polished floor for the balls to stand on: the top of a ball so large
+    /// that it rises by 4 mm in a room of 8 m, and sinks into the floor as far
+    /// away as the room is wide.
+    pub(crate) fn polished(&self) -> Ball {
+        let rise = 4.0 * self.scene.offset;
+        let radius = 5e5 * rise;
+        let mut out = ball(
+            self.middle + Vec3::Y * (rise - radius),
+            radius,
+            FLOOR_ROUGHNESS,
+            false,
+        );
+        out.tint = Vec3::splat(0.6);
+        out
+    }
+
     fn parameters(&self, view: usize, width: u32, height: u32) -> Result<Parameters, StageError> {
+        self.seen_by(&self.views[view].1, width, height)
+    }
+
+    pub(crate) fn seen_by(
+        &self,
+        camera: &scene::Camera,
+        width: u32,
+        height: u32,
+    ) -> Result<Parameters, StageError> {
         Ok(Parameters {
-            camera: crate::stages::camera(&self.views[view].1, width, height)?,
+            camera: crate::stages::camera(camera, width, height)?,
             light_direction: self.scene.scene.light.direction,
             offset: self.scene.offset,
             floor: self.ground,

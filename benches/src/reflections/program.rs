@@ -17,7 +17,7 @@ use raytwin_cpu::ray::sphere::sphere_intersect;
 use raytwin_cpu::sample::basis::{basis_from_normal, basis_to_local, basis_to_world};
 
 /// Entries of a ball's table of albedos, over the cosine.
-pub(super) const ALBEDOS: usize = 32;
+pub(crate) const ALBEDOS: usize = 32;
 
 /// Least offset as a fraction of the distance from the origin, 2^-18.
 const OFFSET_PRECISION: f32 = 1.0 / 262_144.0;
@@ -30,11 +30,11 @@ const FAR: f32 = 1000.0;
 const REACH: f32 = 0.02;
 
 /// No ball.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// What every pixel of one run shares.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Parameters {
+pub(crate) struct Parameters {
     pub camera: Camera,
     pub light_direction: Vec3,
     pub offset: f32,
@@ -54,7 +54,7 @@ pub(super) struct Parameters {
 
 /// A ball, its material and what its material reflects.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ball {
+pub(crate) struct Ball {
     pub center: Vec3,
     pub radius: f32,
     /// The layers, of which the first `count` exist.
@@ -67,7 +67,7 @@ pub(super) struct Ball {
 }
 
 /// The stack as a program for `N` layers takes it.
-pub(super) trait Layers<const N: usize> {
+pub(crate) trait Layers<const N: usize> {
     fn stack(&self) -> LayeredStack<N>;
 }
 
@@ -83,7 +83,7 @@ impl<const N: usize> Layers<N> for Ball {
 
 /// What a pixel sees.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Surface {
+pub(crate) struct Surface {
     pub position: Vec3,
     /// Index of the ball, or [`NONE`].
     pub ball: u32,
@@ -96,7 +96,7 @@ pub(super) struct Surface {
 
 /// The scene behind the callbacks.
 #[derive(Clone, Copy)]
-pub(super) struct World<'a> {
+pub(crate) struct World<'a> {
     pub bvh: BvhView<'a>,
     pub normals: &'a [Vec3],
     pub balls: &'a [Ball],
@@ -148,6 +148,20 @@ fn reflect_closest(p: &Parameters, w: &World<'_>, ray: Ray) -> Met {
     met
 }
 
+/// Whether a ray meets anything.
+pub(crate) fn reflect_any(balls: u32, w: &World<'_>, ray: Ray) -> bool {
+    if bvh_any(&w.bvh, ray) != 0 {
+        return true;
+    }
+    for k in 0..balls {
+        let ball = &w.balls[k as usize];
+        if sphere_intersect(ray, ball.center, ball.radius).hit != 0 {
+            return true;
+        }
+    }
+    false
+}
+
 fn reflect_light_visible(p: &Parameters, w: &World<'_>, position: Vec3) -> f32 {
     let ray = Ray {
         origin: position,
@@ -155,16 +169,11 @@ fn reflect_light_visible(p: &Parameters, w: &World<'_>, position: Vec3) -> f32 {
         t_min: reflect_offset(p, position),
         t_max: f32::MAX,
     };
-    if bvh_any(&w.bvh, ray) != 0 {
-        return 0.0;
+    if reflect_any(p.balls, w, ray) {
+        0.0
+    } else {
+        1.0
     }
-    for k in 0..p.balls {
-        let ball = &w.balls[k as usize];
-        if sphere_intersect(ray, ball.center, ball.radius).hit != 0 {
-            return 0.0;
-        }
-    }
-    1.0
 }
 
 /// The light along a ray: a sky, or a surface as the other stages shade it,
@@ -199,7 +208,7 @@ fn reflect_radiance(p: &Parameters, w: &World<'_>, ray: Ray, met: &Met) -> Vec3 
 }
 
 /// The primary ray: what the pixel sees, and its colour where that is no ball.
-pub(super) fn reflect_surface(p: &Parameters, w: &World<'_>, pixel: UVec2) -> (Surface, Vec3) {
+pub(crate) fn reflect_surface(p: &Parameters, w: &World<'_>, pixel: UVec2) -> (Surface, Vec3) {
     let ray = camera_ray(
         Vec2::new(pixel.x as f32 + 0.5, pixel.y as f32 + 0.5),
         p.camera,
@@ -237,7 +246,7 @@ fn reflect_turn(p: &Parameters, pixel: UVec2, lane: u32) -> f32 {
 
 /// One reflection ray of a surface with `N` layers: the hit, and what the
 /// sample weighs.
-pub(super) fn reflect_trace<const N: usize>(
+pub(crate) fn reflect_trace<const N: usize>(
     p: &Parameters,
     w: &World<'_>,
     s: &Surface,
@@ -271,7 +280,7 @@ pub(super) fn reflect_trace<const N: usize>(
 }
 
 /// The ray of a half-resolution pixel.
-pub(super) fn reflect_half<const N: usize>(
+pub(crate) fn reflect_half<const N: usize>(
     p: &Parameters,
     w: &World<'_>,
     s: &Surface,
@@ -281,7 +290,7 @@ pub(super) fn reflect_half<const N: usize>(
 }
 
 /// The sum over a pixel's own samples: the estimate without reconstruction.
-pub(super) fn reflect_sum<const N: usize>(
+pub(crate) fn reflect_sum<const N: usize>(
     p: &Parameters,
     w: &World<'_>,
     s: &Surface,
@@ -301,7 +310,7 @@ pub(super) fn reflect_sum<const N: usize>(
 }
 
 /// A pixel's radiance from its neighbours' half-resolution hits.
-pub(super) fn reflect_reconstruct<const N: usize>(
+pub(crate) fn reflect_reconstruct<const N: usize>(
     p: &Parameters,
     w: &World<'_>,
     surfaces: &[Surface],
@@ -339,7 +348,7 @@ pub(super) fn reflect_reconstruct<const N: usize>(
 }
 
 /// The filtered radiance times what the ball reflects.
-pub(super) fn reflect_finish(
+pub(crate) fn reflect_finish(
     p: &Parameters,
     w: &World<'_>,
     surfaces: &[Surface],
@@ -378,7 +387,7 @@ pub(super) fn reflect_finish(
 }
 
 /// The table at a cosine, between its entries.
-fn reflect_albedo(ball: &Ball, cos: f32) -> Vec3 {
+pub(crate) fn reflect_albedo(ball: &Ball, cos: f32) -> Vec3 {
     let x = cos.clamp(0.0, 1.0) * (ALBEDOS - 1) as f32;
     let k = (x as u32).min(ALBEDOS as u32 - 2);
     let t = x - k as f32;

@@ -103,18 +103,22 @@ fn reflect_closest(ray: Ray) -> ReflectMet {
     return met;
 }
 
-fn reflect_light_visible(position: vec3f) -> f32 {
-    let ray = Ray(position, parameters.light_direction, reflect_offset(position), CAMERA_FAR);
+fn reflect_any(balls: u32, ray: Ray) -> bool {
     if bvh_any(ray) != 0u {
-        return 0.0;
+        return true;
     }
-    for (var k = 0u; k < parameters.balls; k++) {
+    for (var k = 0u; k < balls; k++) {
         let ball = reflect_balls[k * REFLECT_BALL];
         if sphere_intersect(ray, ball.xyz, ball.w).hit != 0u {
-            return 0.0;
+            return true;
         }
     }
-    return 1.0;
+    return false;
+}
+
+fn reflect_light_visible(position: vec3f) -> f32 {
+    let ray = Ray(position, parameters.light_direction, reflect_offset(position), CAMERA_FAR);
+    return select(1.0, 0.0, reflect_any(parameters.balls, ray));
 }
 
 fn reflect_radiance(ray: Ray, met: ReflectMet) -> vec3f {

@@ -393,36 +393,51 @@ impl<'a> Run<'a> {
         Ok(shown)
     }
 
-    /// All sequences of a scene; of the quick report's a shadow whose light
-    /// jumps and a still occlusion.
+    /// All sequences of a scene, the long run's also at full size; of the quick
+    /// report's a few of the toy room.
     fn measure_sequences(
         &mut self,
         scene: &StageScene,
         progress: &dyn Fn(&str),
     ) -> Result<Vec<Shown>, ReportError> {
-        use sequence::Event;
-        use stages::Stage;
-        let settings = if self.options.full {
-            SequenceSettings::full()
-        } else {
-            SequenceSettings::quick()
-        };
+        use sequence::{Event, Signal};
         let mut shown = Vec::new();
-        for stage in [Stage::SoftShadow, Stage::AmbientOcclusion] {
-            for event in Event::ALL {
-                let short = (stage == Stage::SoftShadow) == (event == Event::Jump);
-                if !self.options.full && !short {
-                    continue;
+        let Some(balls) = ReflectionScene::new(scene) else {
+            return Ok(shown);
+        };
+        let full = self.options.full;
+        let mut jobs = Vec::new();
+        for signal in Signal::ALL {
+            for event in Event::ALL.into_iter().filter(|e| signal.has(*e)) {
+                let quick = matches!(
+                    (signal, event),
+                    (Signal::SoftShadow, Event::LightJumps | Event::Ball)
+                        | (Signal::AmbientOcclusion | Signal::Reflection, Event::Pan)
+                );
+                if full {
+                    jobs.push((signal, event, SequenceSettings::full()));
+                } else if quick {
+                    jobs.push((signal, event, SequenceSettings::quick()));
                 }
-                let name = &scene.scene.name;
-                progress(&format!("{name}: {}, {}", stage.title(), event.name()));
-                let run = sequence::measure(scene, stage, event, &settings)?;
-                let rows = run.results.into_iter().map(sequence_row);
-                self.report.sequences.extend(rows);
-                for picture in run.pictures {
-                    shown.push(show_sequence(picture)?);
+                if full && event == Event::Pan {
+                    jobs.push((signal, event, SequenceSettings::large()));
                 }
             }
+        }
+        for (signal, event, settings) in jobs {
+            let name = &scene.scene.name;
+            progress(&format!(
+                "{name}: {}, {}, {} x {}",
+                signal.title(),
+                event.name(),
+                settings.width,
+                settings.height
+            ));
+            let run = sequence::measure(&balls, signal, event, &settings)?;
+            let size = run.results.first().map_or([0; 2], |r| r.size);
+            let rows = run.results.into_iter().map(sequence_row);
+            self.report.sequences.extend(rows);
+            shown.extend(run.pictures.into_iter().map(|p| show_sequence(p, size)));
         }
         Ok(shown)
     }
@@ -634,9 +649,13 @@ fn sequence_row(r: sequence::SequenceResult) -> SequenceRow {
         scene: r.scene,
         signal: r.signal,
         event: r.event,
+        size: r.size,
         variant: r.variant,
+        piece: r.piece,
         ms: r.ms,
         rmse: r.rmse,
+        reference_rmse: r.reference_rmse,
+        flip: r.flip,
         relative_mse: r.relative_mse,
         psnr: r.psnr,
         ssim: schema::finite(r.ssim),
@@ -646,21 +665,22 @@ fn sequence_row(r: sequence::SequenceResult) -> SequenceRow {
     }
 }
 
-fn show_sequence(picture: sequence::SequencePicture) -> Result<Shown, ReportError> {
-    let [signal, event, variant] = &picture.name;
-    let id = stages::slug(&[&picture.scene, SEQUENCES, signal, event, variant]);
-    Ok(Shown {
-        png: picture.image.to_png()?,
+fn show_sequence(picture: sequence::SequencePicture, [width, height]: [u32; 2]) -> Shown {
+    let [signal, event, what] = &picture.name;
+    let size = format!("{width}x{height}");
+    let id = stages::slug(&[&picture.scene, SEQUENCES, signal, event, &size, what]);
+    Shown {
+        png: picture.png,
         row: PictureRow {
             file: format!("pictures/{id}.png"),
             scene: picture.scene,
-            stage: Some(format!("{SEQUENCES}_{signal}, {event}")),
-            variant: variant.clone(),
+            stage: Some(format!("{SEQUENCES}_{signal}, {event}, {size}")),
+            variant: what.clone(),
             backend: "cpu".into(),
             difference: false,
             caption: picture.caption,
         },
-    })
+    }
 }
 
 fn add_convergence(report: &mut Report, scene: &str, data: stages::Convergence) {

@@ -4,7 +4,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::schema::{BvhRow, FamilyRow, KernelRow, Rates, Report};
+use super::schema::{BvhRow, FamilyRow, KernelRow, Rates, Report, SequenceRow};
 use super::{Drawn, Shown};
 
 /// The part of an adapter's or engine's label before its driver.
@@ -588,32 +588,60 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
         @if !report.sequences.is_empty() {
             h3 { "Over time" }
             p {
-                "One ray a pixel and frame, a still camera; in some sequences the light jumps in the middle. Errors are those of the last frame against a reference, "
-                "flicker is the mean difference of the last two, half-life the frames until half of the jump has arrived. "
+                "A ray (of reflections a quarter) a pixel and frame; camera, ball or light move. Errors are those of the last frame against a reference, whose own error is in the caption of each table; "
+                "flicker is the mean change of the error between the last two frames, half-life the frames until half of a jump has arrived. "
                 "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history."
             }
-            (sequence_table(report))
+            @for (name, rows) in super::plots::sequences(report) { (sequence_table(&name, &rows)) (pieces_table(&rows)) }
             (figures("Over time"))
         }
     }
 }
 
-fn sequence_table(report: &Report) -> Markup {
-    html! { div.scroll { table {
+fn sequence_table(name: &str, rows: &[&SequenceRow]) -> Markup {
+    let reference = rows.first().map_or(0.0, |r| r.reference_rmse);
+    html! {
+        h4 { (name) }
+        div.scroll { table {
+        caption { "The reference's own error is about " (number(reference)) "." }
         thead { tr {
-            th { "Sequence" } th.left { "Variant" } th { "ms" } th { "RMSE" } th { "Relative MSE" }
-            th { "PSNR, dB" } th { "SSIM" } th { "Flicker" } th { "Half-life, frames" }
+            th.left { "Variant" } th { "ms" } th { "RMSE" } th { "Relative MSE" }
+            th { "PSNR, dB" } th { "SSIM" } th { "FLIP" } th { "Flicker" } th { "Half-life, frames" }
         } }
-        tbody { @for r in &report.sequences { tr {
-            td { (r.scene) ", " (r.signal.replace('_', " ")) ", " (r.event) }
+        tbody { @for r in rows { tr {
             td.left { (r.variant) }
             td { (number(r.ms)) }
             td { (number(r.rmse)) }
             td { (number(r.relative_mse)) }
             td { (format!("{:.1}", r.psnr)) }
             td { (optional(r.ssim)) }
+            td { (number(r.flip)) }
             td { (number(r.flicker)) }
             td { @match r.half_life { Some(n) => (n), None => span.off { "–" } } }
+        } } }
+    } } }
+}
+
+/// What each piece buys: error and time when it is left out or put in.
+fn pieces_table(rows: &[&SequenceRow]) -> Markup {
+    let Some(base) = rows
+        .iter()
+        .find(|r| r.piece.as_deref() == Some("all of it"))
+    else {
+        return html! {};
+    };
+    let percent = |value: f64| format!("{:+.0} %", 100.0 * (value - 1.0));
+    html! { div.scroll { table {
+        caption { "What each piece buys: SVGF with three passes, changed in one thing." }
+        thead { tr {
+            th.left { "Changed" } th { "RMSE" } th { "FLIP" } th { "Flicker" } th { "Milliseconds" }
+        } }
+        tbody { @for r in rows.iter().filter(|r| r.piece.is_some() && r.variant != base.variant) { tr {
+            td.left { (r.piece.as_deref().unwrap_or_default()) }
+            td { (percent(r.rmse / base.rmse)) }
+            td { (percent(r.flip / base.flip)) }
+            td { (percent(r.flicker / base.flicker)) }
+            td { (percent(r.ms / base.ms)) }
         } } }
     } } }
 }

@@ -120,57 +120,93 @@ fn materials(report: &Report) -> Vec<Plot> {
             .collect();
         out.push(worth(scene, view, &balls));
     }
-    let sequences = distinct(&report.sequences, |r| {
-        (r.scene.clone(), r.signal.clone(), r.event.clone())
-    });
-    for (scene, signal, event) in &sequences {
-        let rows: Vec<&SequenceRow> = report
-            .sequences
-            .iter()
-            .filter(|r| r.scene == *scene && r.signal == *signal && r.event == *event)
-            .collect();
-        let name = format!("{scene}, {}, {event}", signal.replace('_', " "));
+    for (name, rows) in sequences(report) {
         out.push(over_time(&name, &rows));
-        out.push(by_frame(&name, &rows));
+        // A line needs more than the two frames of what moves.
+        if rows.iter().any(|r| r.by_frame.len() > 2) {
+            out.push(by_frame(&name, &rows));
+        }
     }
     out
 }
 
+/// The rows of each sequence, and its name.
+pub(super) fn sequences(report: &Report) -> Vec<(String, Vec<&SequenceRow>)> {
+    let key = |r: &SequenceRow| (r.scene.clone(), r.signal.clone(), r.event.clone(), r.size);
+    distinct(&report.sequences, key)
+        .into_iter()
+        .map(|k| {
+            let rows = report.sequences.iter().filter(|r| key(r) == k).collect();
+            let (scene, signal, event, [width, height]) = k;
+            let signal = signal.replace('_', " ");
+            (
+                format!("{scene}, {signal}, {event}, {width} × {height}"),
+                rows,
+            )
+        })
+        .collect()
+}
+
 /// Error against time a frame; without a filter there is no time to draw.
 fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
-    let kinds = ["SVGF, fed back", "SVGF, not fed back", "average"];
-    let kind = |r: &SequenceRow| {
-        if !r.variant.starts_with("SVGF") {
-            2
-        } else {
-            usize::from(r.variant.ends_with("not fed back"))
-        }
+    let base = |r: &&&SequenceRow| r.piece.as_deref() == Some("all of it");
+    let of = |title: &str, k: usize, chosen: &[&&SequenceRow], labels: Vec<String>| Series {
+        labels,
+        joined: k == 0,
+        ..series(
+            title.into(),
+            k,
+            chosen.iter().map(|r| (r.ms, r.rmse)).collect(),
+        )
     };
-    let lines = kinds.into_iter().enumerate().map(|(k, title)| {
-        let chosen: Vec<_> = rows.iter().filter(|r| kind(r) == k && r.ms > 0.0).collect();
-        let passes = |r: &SequenceRow| {
-            if r.variant.ends_with("clamped") {
-                return "clamped".to_owned();
-            }
-            let digits = r.variant.chars().filter(char::is_ascii_digit);
-            digits.collect::<String>()
-        };
-        Series {
-            labels: chosen.iter().map(|r| passes(r)).collect(),
-            joined: k < 2,
-            ..series(
-                title.into(),
-                k,
-                chosen.iter().map(|r| (r.ms, r.rmse)).collect(),
-            )
-        }
-    });
+    let passes: Vec<_> = rows
+        .iter()
+        .filter(|r| r.variant.starts_with("SVGF") && r.variant.ends_with(" passes"))
+        .collect();
+    let pieces: Vec<_> = rows
+        .iter()
+        .filter(|r| {
+            let of_the_passes = r.variant.ends_with(" passes");
+            r.piece.is_some() && !base(r) && !of_the_passes
+        })
+        .collect();
+    let averages: Vec<_> = rows
+        .iter()
+        .filter(|r| r.variant.starts_with("average"))
+        .collect();
+    let number = |r: &&&SequenceRow| r.variant.chars().filter(char::is_ascii_digit).collect();
+    let clamped = |r: &&&SequenceRow| {
+        let clamped = r.variant.ends_with("clamped");
+        (if clamped { "clamped" } else { "" }).to_owned()
+    };
     Plot {
-        title: format!("Over time: {name}, by passes or frames"),
+        title: format!("Over time: {name}"),
         x_label: "milliseconds a frame".into(),
         y_label: "RMSE of the last frame".into(),
         x_ticks: Ticks::Decimal,
-        series: lines.collect(),
+        series: vec![
+            of(
+                "SVGF, by passes",
+                0,
+                &passes,
+                passes.iter().map(number).collect(),
+            ),
+            of(
+                "three passes, with a piece left out or put in",
+                1,
+                &pieces,
+                pieces
+                    .iter()
+                    .map(|r| r.piece.clone().unwrap_or_default())
+                    .collect(),
+            ),
+            of(
+                "average of 32 frames",
+                2,
+                &averages,
+                averages.iter().map(clamped).collect(),
+            ),
+        ],
         guide: None,
     }
 }
@@ -179,16 +215,19 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
 fn by_frame(name: &str, rows: &[&SequenceRow]) -> Plot {
     let shown = [
         "1 spp",
-        "average",
-        "SVGF, 0",
+        "quarter ray",
+        "average of 32 frames",
+        "average of 32 frames, clamped",
+        "SVGF, 0 passes",
         "SVGF, 1 passes",
         "SVGF, 5 passes",
     ];
     let lines = shown.into_iter().enumerate().filter_map(|(k, head)| {
         let row = rows.iter().find(|r| r.variant == head)?;
-        let points = (1u32..)
-            .zip(&row.by_frame)
-            .map(|(frame, error)| (f64::from(frame), *error))
+        let points = row
+            .by_frame
+            .iter()
+            .map(|(frame, error)| (f64::from(frame + 1), *error))
             .collect();
         Some(series(row.variant.clone(), k, points))
     });

@@ -359,28 +359,37 @@ pub struct BallRow {
 pub struct SequenceRow {
     /// Scene.
     pub scene: String,
-    /// Stage whose noise is filtered.
+    /// What is traced and filtered.
     pub signal: String,
-    /// `still` or `light jumps`.
+    /// What moves.
     pub event: String,
+    /// Pixels in a row, and rows.
+    pub size: [u32; 2],
     /// How it is filtered.
     pub variant: String,
+    /// What is different from SVGF with three passes; `null` for what is no
+    /// piece of it.
+    pub piece: Option<String>,
     /// Milliseconds a frame.
     pub ms: f64,
     /// Error of the last frame.
     pub rmse: f64,
+    /// The reference's own error.
+    pub reference_rmse: f64,
     /// Its square over the reference's.
     pub relative_mse: f64,
     /// Peak signal-to-noise ratio in decibels.
     pub psnr: f64,
     /// Structural similarity.
     pub ssim: Option<f64>,
-    /// Mean difference between the last two frames.
+    /// Mean of FLIP.
+    pub flip: f64,
+    /// Mean change of the error between the last two frames.
     pub flicker: f64,
     /// Frames until half of a jump has arrived.
     pub half_life: Option<u32>,
-    /// Error by frame.
-    pub by_frame: Vec<f64>,
+    /// Frame and error, where there is a reference.
+    pub by_frame: Vec<(u32, f64)>,
 }
 
 /// One GGX sampler at one roughness and angle.

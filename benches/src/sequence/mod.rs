@@ -1,38 +1,39 @@
 //! Noisy sequences through the filters over time: error against milliseconds.
 //!
-//! The toy room or the kitchen at one shadow ray, or one ambient-occlusion ray,
-//! a pixel and frame, for a number of frames; in the middle of a sequence the
-//! light may jump. Each frame is accumulated by `temporal/accumulate` and
-//! filtered by `filter/svgf` (through `pass/svgf`), whose first pass is fed
-//! back. The camera stands still, so that the frame before is the history as it
-//! is.
+//! The toy room or the kitchen, with the balls of [`crate::reflections`] on the
+//! floor, at one shadow ray, one ambient-occlusion ray or a quarter of a
+//! reflection ray a pixel and frame. Camera, ball or light move, or nothing
+//! does. Each frame is reprojected by `temporal/reproject`, accumulated by
+//! `temporal/accumulate` and filtered by `filter/svgf` (through `pass/svgf`),
+//! whose first pass is fed back; variants leave pieces out or put others in.
 //!
-//! [`measure`] renders a sequence and gives a row for each variant: without any
-//! filter, accumulated alone, and with 0 to 5 passes.
+//! [`measure`] renders a sequence and gives a row for each variant, with
+//! pictures; references are kept between runs.
 
+mod cache;
+mod denoise;
+mod film;
+mod metrics;
+mod path;
+mod show;
 #[cfg(test)]
 mod tests;
 
-use std::time::Instant;
-
 use glam::{UVec2, Vec3};
-use image::GrayImage;
-use rayon::prelude::*;
-use raytwin::filter::svgf::{SvgfScalar, SvgfSettings, SvgfSurface, svgf_variance_scalar_pixel};
-use raytwin::pass::svgf::SvgfPass;
-use raytwin::temporal::accumulate::{
-    TEMPORAL_ACCUMULATE_EMPTY, TemporalAccumulateState, temporal_accumulate_alpha,
-    temporal_accumulate_mean, temporal_accumulate_step,
-};
-use raytwin::temporal::variance_clamp::variance_clamp_pixel;
 
-use crate::stages::{Backend, Image, Job, Renderer, Sampler, Stage, StageError, StageScene, srgb8};
+use crate::reflections::ReflectionScene;
+use crate::stages::StageError;
 
-/// Frames that an average over time remembers.
-const LONG: f32 = 32.0;
+pub use denoise::{Recipe, Where};
+pub use path::Event;
 
-/// A surface's reach over its distance to the eye.
-const REACH: f32 = 0.01;
+use denoise::{Denoiser, Filter, LONG};
+use film::{Film, Frame, Reference};
+use path::{Moment, moment};
+use show::{PANEL, Picture};
+
+/// Passes of the SVGF that pieces are left out of.
+const BASE: u32 = 3;
 
 /// Sizes and counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,10 +42,12 @@ pub struct SequenceSettings {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Frames; the light jumps in the middle.
+    /// Frames; what jumps does so in the middle.
     pub frames: u32,
     /// Samples of a pixel in the references.
     pub reference_samples: u32,
+    /// Whether all variants are measured, or only the main ones.
+    pub all: bool,
 }
 
 impl SequenceSettings {
@@ -56,6 +59,7 @@ impl SequenceSettings {
             height: 135,
             frames: 24,
             reference_samples: 128,
+            all: true,
         }
     }
 
@@ -67,77 +71,216 @@ impl SequenceSettings {
             height: 360,
             frames: 64,
             reference_samples: 1024,
+            all: true,
+        }
+    }
+
+    /// For the long run's largest pictures.
+    #[must_use]
+    pub fn large() -> Self {
+        Self {
+            width: 1920,
+            height: 1080,
+            all: false,
+            ..Self::full()
         }
     }
 }
 
-/// What happens.
+/// What is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// Nothing.
-    Still,
-    /// The light jumps in the middle.
-    Jump,
+pub enum Signal {
+    /// One ray toward the light's disk.
+    SoftShadow,
+    /// One cosine-weighted ray.
+    AmbientOcclusion,
+    /// A quarter of a reflection ray, gathered from 16 neighbours.
+    Reflection,
 }
 
-impl Event {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Still, Self::Jump];
+impl Signal {
+    /// All.
+    pub const ALL: [Self; 3] = [Self::SoftShadow, Self::AmbientOcclusion, Self::Reflection];
 
     /// Name in files and tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Still => "still",
-            Self::Jump => "light jumps",
+            Self::SoftShadow => "soft_shadow",
+            Self::AmbientOcclusion => "ambient_occlusion",
+            Self::Reflection => "reflection",
         }
     }
-}
 
-/// How a frame is filtered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Variant {
-    /// Not at all.
-    None,
-    /// By an average over many frames.
-    Average,
-    /// The same, the history clamped to mean ± deviation of 5 × 5 pixels of the
-    /// frame.
-    Clamped,
-    /// By SVGF with this many passes; 0 is its accumulation alone.
-    Svgf(u32),
-    /// The same without feeding the first pass back.
-    SvgfNotFedBack(u32),
-}
-
-impl Variant {
-    /// All that are compared.
-    pub const ALL: [Self; 12] = [
-        Self::None,
-        Self::Average,
-        Self::Clamped,
-        Self::Svgf(0),
-        Self::Svgf(1),
-        Self::Svgf(2),
-        Self::Svgf(3),
-        Self::Svgf(4),
-        Self::Svgf(5),
-        Self::SvgfNotFedBack(1),
-        Self::SvgfNotFedBack(3),
-        Self::SvgfNotFedBack(5),
-    ];
-
-    /// Name in tables and legends.
+    /// Name in headings.
     #[must_use]
-    pub fn name(self) -> String {
+    pub fn title(self) -> &'static str {
         match self {
-            Self::None => "1 spp".into(),
-            Self::Average => format!("average of {LONG} frames"),
-            Self::Clamped => format!("average of {LONG} frames, clamped"),
-            Self::Svgf(passes) => format!("SVGF, {passes} passes"),
-            Self::SvgfNotFedBack(passes) => format!("SVGF, {passes} passes, not fed back"),
+            Self::SoftShadow => "Soft shadows",
+            Self::AmbientOcclusion => "Ambient occlusion",
+            Self::Reflection => "Reflections",
         }
     }
+
+    /// Whether an event changes anything that the signal has not in others.
+    #[must_use]
+    pub fn has(self, event: Event) -> bool {
+        match event {
+            Event::LightTurns | Event::LightJumps | Event::LightOff => {
+                self != Self::AmbientOcclusion
+            }
+            _ => true,
+        }
+    }
+}
+
+/// How a sequence is filtered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// Name in tables and legends.
+    pub name: String,
+    /// What is done.
+    pub recipe: Recipe,
+    /// Whether a scalar is filtered as if it were a colour.
+    pub as_color: bool,
+    /// What is different from SVGF with three passes.
+    pub piece: Option<&'static str>,
+}
+
+/// The variants of a signal; `moves`: camera or ball do.
+#[must_use]
+pub fn variants(signal: Signal, moves: bool, all: bool) -> Vec<Variant> {
+    let mut out = Vec::new();
+    let mut add = |name: String, recipe, as_color, piece| {
+        out.push(Variant {
+            name,
+            recipe,
+            as_color,
+            piece,
+        });
+    };
+    let one = match signal {
+        Signal::Reflection => "quarter ray",
+        _ => "1 spp",
+    };
+    let average = Recipe::AVERAGE;
+    add(one.into(), Recipe::NONE, false, None);
+    add(format!("average of {LONG} frames"), average, false, None);
+    let clamped = Recipe {
+        clamp: true,
+        ..average
+    };
+    add(
+        format!("average of {LONG} frames, clamped"),
+        clamped,
+        false,
+        None,
+    );
+    if signal == Signal::Reflection {
+        for (name, place) in [("hit point", Where::HitPoint), ("blended", Where::Blend)] {
+            let recipe = Recipe {
+                history: Some(place),
+                ..average
+            };
+            add(
+                format!("average of {LONG} frames, {name}"),
+                recipe,
+                false,
+                None,
+            );
+        }
+    }
+    for passes in 0..=5 {
+        if all || [0, 1, BASE, 5].contains(&passes) {
+            let piece = match passes {
+                BASE => Some("all of it"),
+                0 => Some("no passes over the image"),
+                _ => None,
+            };
+            add(
+                format!("SVGF, {passes} passes"),
+                Recipe::svgf(passes),
+                false,
+                piece,
+            );
+        }
+    }
+    let base = Recipe::svgf(BASE);
+    let mut piece = |name: &'static str, recipe, as_color| {
+        add(
+            format!("SVGF, {BASE} passes, {name}"),
+            recipe,
+            as_color,
+            Some(name),
+        );
+    };
+    piece(
+        "not fed back",
+        Recipe {
+            feedback: false,
+            ..base
+        },
+        false,
+    );
+    piece(
+        "clamped",
+        Recipe {
+            clamp: true,
+            ..base
+        },
+        false,
+    );
+    let of_mean = Recipe {
+        of_mean: true,
+        ..base
+    };
+    piece("variance of the mean", of_mean, false);
+    if signal == Signal::Reflection {
+        for (name, place) in [("hit point", Where::HitPoint), ("blended", Where::Blend)] {
+            let recipe = Recipe {
+                history: Some(place),
+                ..base
+            };
+            piece(name, recipe, false);
+        }
+    }
+    if !all {
+        return out;
+    }
+    piece(
+        "no history",
+        Recipe {
+            history: None,
+            cap: 1.0,
+            ..base
+        },
+        false,
+    );
+    piece(
+        "plain variance",
+        Recipe {
+            plain: true,
+            ..base
+        },
+        false,
+    );
+    piece("history in f16", Recipe { half: true, ..base }, false);
+    if signal != Signal::Reflection {
+        piece("as RGB", base, true);
+    }
+    if moves {
+        for (name, place) in [
+            ("not reprojected", Where::Here),
+            ("reprojected without tests", Where::SurfaceUntested),
+        ] {
+            let recipe = Recipe {
+                history: Some(place),
+                ..base
+            };
+            piece(name, recipe, false);
+        }
+    }
+    out
 }
 
 /// One variant of one sequence.
@@ -145,29 +288,37 @@ impl Variant {
 pub struct SequenceResult {
     /// Name of the scene.
     pub scene: String,
-    /// Name of the stage.
+    /// Name of the signal.
     pub signal: String,
     /// Name of the event.
     pub event: String,
+    /// Pixels in a row, and rows.
+    pub size: [u32; 2],
     /// Name of the variant.
     pub variant: String,
+    /// What is different from SVGF with three passes.
+    pub piece: Option<String>,
     /// Milliseconds a frame, the median.
     pub ms: f64,
     /// Root mean squared error of the last frame.
     pub rmse: f64,
-    /// That over the reference: `mean((x - r)² / (r² + 0.01))`.
+    /// The reference's own error.
+    pub reference_rmse: f64,
+    /// Squared error over the reference's: `mean((x - r)² / (r² + 0.01))`.
     pub relative_mse: f64,
     /// Peak signal-to-noise ratio in decibels, for a peak of 1.
     pub psnr: f64,
     /// Structural similarity of the last frame as an 8-bit picture.
     pub ssim: f64,
-    /// Mean difference between the last two frames.
+    /// FLIP of it, the mean.
+    pub flip: f64,
+    /// Mean change of the error between the last two frames.
     pub flicker: f64,
-    /// Frames after the jump until half of what it changed has arrived; `None`
+    /// Frames after a jump until half of what it changed has arrived; `None`
     /// without a jump, or if that did not come.
     pub half_life: Option<u32>,
-    /// Error by frame.
-    pub by_frame: Vec<f64>,
+    /// Frame and error, where there is a reference.
+    pub by_frame: Vec<(u32, f64)>,
 }
 
 /// A picture of a sequence.
@@ -175,12 +326,12 @@ pub struct SequenceResult {
 pub struct SequencePicture {
     /// Name of the scene.
     pub scene: String,
-    /// Name of the stage, the event and the variant.
+    /// Name of the signal, the event and what is shown.
     pub name: [String; 3],
     /// What one sees.
     pub caption: String,
-    /// The picture.
-    pub image: Image,
+    /// The file.
+    pub png: Vec<u8>,
 }
 
 /// What [`measure`] gives.
@@ -192,142 +343,54 @@ pub struct SequenceRun {
     pub pictures: Vec<SequencePicture>,
 }
 
-/// The image over time of one variant.
-struct Denoiser {
+/// A variant as it goes through the frames.
+struct Track {
     variant: Variant,
-    size: UVec2,
-    surfaces: Vec<SvgfSurface>,
-    /// Moments of what was traced. The filtered history may not be among them:
-    /// what the filter blurs would count as noise, and be blurred more.
-    states: Vec<TemporalAccumulateState>,
-    /// The value over time, filtered by the first pass.
-    values: Vec<f32>,
-    pass: SvgfPass<1>,
+    filter: Box<dyn Filter>,
+    times: Vec<f64>,
+    by_frame: Vec<(u32, f64)>,
+    half_life: Option<u32>,
+    /// The last two frames.
+    shown: [Vec<Vec3>; 2],
+    panels: Vec<Picture>,
 }
 
-impl Denoiser {
-    fn new(variant: Variant, size: UVec2, surfaces: &[SvgfSurface]) -> Self {
-        let mut pass = SvgfPass::new(size, settings(variant));
-        pass.set_surfaces(|at| surfaces[(at.y * size.x + at.x) as usize]);
-        Self {
-            variant,
-            size,
-            surfaces: surfaces.to_vec(),
-            states: vec![TEMPORAL_ACCUMULATE_EMPTY; surfaces.len()],
-            values: vec![0.0; surfaces.len()],
-            pass,
+/// References, each rendered once.
+struct Truth<'a> {
+    film: &'a Film<'a>,
+    samples: u32,
+    known: Vec<(Moment, Reference)>,
+}
+
+impl Truth<'_> {
+    fn at(&mut self, moment: &Moment) -> Result<usize, StageError> {
+        if let Some(i) = self.known.iter().position(|(m, _)| m == moment) {
+            return Ok(i);
         }
+        let reference = self.film.reference(moment, self.samples)?;
+        self.known.push((*moment, reference));
+        Ok(self.known.len() - 1)
     }
 
-    /// Holds the history within what the frame's neighbourhoods allow.
-    fn clamp(&mut self, noisy: &[f32]) {
-        let size = self.size;
-        let read = |at: UVec2| Vec3::splat(noisy[(at.y * size.x + at.x) as usize]);
-        self.values
-            .par_iter_mut()
-            .enumerate()
-            .for_each(|(i, value)| {
-                let at = UVec2::new(i as u32 % size.x, i as u32 / size.x);
-                let history = Vec3::splat(*value);
-                *value = variance_clamp_pixel(at, size, 2, history, 1.0, 0, read).x;
-            });
-    }
-
-    /// Takes a frame, gives the filtered one and milliseconds.
-    fn step(&mut self, noisy: &[f32]) -> (Vec<f32>, f64) {
-        let start = Instant::now();
-        let ms = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
-        let settings = settings(self.variant);
-        let cap = match self.variant {
-            Variant::None => return (noisy.to_vec(), 0.0),
-            Variant::Average | Variant::Clamped => LONG,
-            Variant::Svgf(_) | Variant::SvgfNotFedBack(_) => 1.0 / settings.alpha,
-        };
-        if self.variant == Variant::Clamped {
-            self.clamp(noisy);
-        }
-        self.states
-            .par_iter_mut()
-            .zip(&mut self.values)
-            .zip(noisy)
-            .for_each(|((state, value), sample)| {
-                *state = temporal_accumulate_step(*state, *sample, cap);
-                let alpha = temporal_accumulate_alpha(state.history, cap);
-                *value = temporal_accumulate_mean(*value, *sample, alpha);
-            });
-        if settings.passes == 0 {
-            return (self.values.clone(), ms(start));
-        }
-        let (states, values) = (&self.states, &self.values);
-        let (surfaces, size) = (&self.surfaces, self.size);
-        let index = |at: UVec2| (at.y * size.x + at.x) as usize;
-        let read = |at: UVec2| SvgfScalar {
-            value: values[index(at)],
-            variance: states[index(at)].variance,
-        };
-        self.pass.set_image(|at| {
-            let variance = svgf_variance_scalar_pixel(
-                at,
-                size,
-                states[index(at)].history,
-                settings,
-                |at| surfaces[index(at)],
-                read,
-            );
-            ([read(at).value], variance)
-        });
-        let mut fed = Vec::new();
-        self.pass.filter(|image| {
-            for y in 0..size.y {
-                fed.extend_from_slice(image.row(y, 0));
-            }
-        });
-        if !matches!(self.variant, Variant::SvgfNotFedBack(_)) {
-            self.values = fed;
-        }
-        let mut out = Vec::with_capacity(noisy.len());
-        for y in 0..size.y {
-            out.extend_from_slice(self.pass.row(y, 0));
-        }
-        (out, ms(start))
+    fn image(&self, index: usize) -> &[Vec3] {
+        &self.known[index].1.image
     }
 }
 
-fn settings(variant: Variant) -> SvgfSettings {
-    SvgfSettings {
-        passes: match variant {
-            Variant::Svgf(passes) | Variant::SvgfNotFedBack(passes) => passes,
-            _ => 0,
-        },
-        ..SvgfSettings::PAPER
-    }
-}
-
-fn errors(image: &[f32], reference: &[f32], chosen: &[bool]) -> (f64, f64) {
-    let (mut squared, mut relative, mut count) = (0.0, 0.0, 0.0);
-    for i in (0..image.len()).filter(|i| chosen[*i]) {
-        let (x, r) = (f64::from(image[i]), f64::from(reference[i]));
-        squared += (x - r).powi(2);
-        relative += (x - r).powi(2) / (r * r + 0.01);
-        count += 1.0;
-    }
-    let count = f64::max(count, 1.0);
-    (squared / count, relative / count)
-}
-
-fn grey(size: UVec2, values: &[f32]) -> GrayImage {
-    GrayImage::from_fn(size.x, size.y, |x, y| {
-        image::Luma([srgb8(values[(y * size.x + x) as usize])])
-    })
-}
-
-/// Structural similarity as the library has it; `NaN` if it has none, as for
-/// a picture of a few pixels.
-fn similarity(size: UVec2, image: &[f32], reference: &[f32]) -> f64 {
-    use image_compare::{Algorithm, gray_similarity_structure};
-    let (image, reference) = (grey(size, image), grey(size, reference));
-    gray_similarity_structure(&Algorithm::MSSIMSimple, &image, &reference)
-        .map_or(f64::NAN, |s| s.score)
+/// Which variants have pictures.
+fn is_shown(name: &str) -> bool {
+    let shown = [
+        "1 spp",
+        "quarter ray",
+        "average of 32 frames",
+        "average of 32 frames, hit point",
+        "SVGF, 1 passes",
+        "SVGF, 3 passes",
+        "SVGF, 5 passes",
+        "SVGF, 3 passes, variance of the mean",
+        "SVGF, 3 passes, not reprojected",
+    ];
+    shown.contains(&name)
 }
 
 /// Renders a sequence of one signal on the CPU and filters it in every way.
@@ -335,159 +398,228 @@ fn similarity(size: UVec2, image: &[f32], reference: &[f32]) -> f64 {
 /// # Errors
 /// If the settings are out of range.
 pub fn measure(
-    scene: &StageScene,
-    stage: Stage,
+    scene: &ReflectionScene<'_>,
+    signal: Signal,
     event: Event,
     settings: &SequenceSettings,
 ) -> Result<SequenceRun, StageError> {
-    let (width, height) = (settings.width, settings.height);
+    let (width, height, frames) = (settings.width, settings.height, settings.frames);
+    crate::stages::check_size(width, height)?;
     let size = UVec2::new(width, height);
-    let mut renderer = Renderer::new(scene, Backend::Cpu, width, height, 2.0)?;
-    let eye = scene.scene.camera.eye;
-    let surfaces: Vec<SvgfSurface> = renderer
-        .seen()
-        .map(|(position, normal, hit)| SvgfSurface {
-            position,
-            reach: if hit {
-                REACH * position.distance(eye)
+    let room = &scene.scene.scene;
+    let near = signal == Signal::Reflection || event == Event::Ball;
+    let camera = if near { scene.views[0].1 } else { room.camera };
+    let at = |frame| moment(event, camera, room, scene.back, frame, frames);
+    let film = Film::new(scene, signal, size);
+    let mut truth = Truth {
+        film: &film,
+        samples: settings.reference_samples,
+        known: Vec::new(),
+    };
+    let moves = matches!(event, Event::Pan | Event::Dolly | Event::Turn | Event::Ball);
+    let mut tracks: Vec<Track> = variants(signal, moves, settings.all)
+        .into_iter()
+        .map(|variant| Track {
+            filter: if signal == Signal::Reflection || variant.as_color {
+                Box::new(Denoiser::<3>::new(variant.recipe, size))
+            } else {
+                Box::new(Denoiser::<1>::new(variant.recipe, size))
+            },
+            variant,
+            times: Vec::new(),
+            by_frame: Vec::new(),
+            half_life: None,
+            shown: [Vec::new(), Vec::new()],
+            panels: Vec::new(),
+        })
+        .collect();
+    let jump = frames / 2;
+    // The parts of the change that a jump makes.
+    let change = if event.jumps() && frames > 1 {
+        Some([truth.at(&at(0))?, truth.at(&at(frames - 1))?])
+    } else {
+        None
+    };
+    let mut chosen = vec![false; size.element_product() as usize];
+    let mut prior = at(0);
+    let mut last = None;
+    for number in 0..frames {
+        let now = at(number);
+        let frame = film.frame(&now, &prior, number)?;
+        // Something that moves has a reference at the end only.
+        let still = now == prior && (number > 0 || at(1) == now) || event.jumps();
+        let reference = if still || number + 2 >= frames {
+            Some(truth.at(&now)?)
+        } else {
+            None
+        };
+        if event.jumps() {
+            // What the light reached before counts too.
+            for (c, n) in chosen.iter_mut().zip(&frame.chosen) {
+                *c |= n;
+            }
+        } else {
+            chosen.clone_from(&frame.chosen);
+        }
+        for track in &mut tracks {
+            let (image, ms) = track.filter.step(&frame);
+            let image: Vec<Vec3> = image
+                .iter()
+                .zip(&frame.albedo)
+                .map(|(v, albedo)| *v * *albedo)
+                .collect();
+            track.times.push(ms);
+            if let Some(reference) = reference {
+                let (squared, _) = metrics::errors(&image, truth.image(reference), &chosen);
+                track.by_frame.push((number, squared.sqrt()));
+            }
+            if let (Some([before, after]), None) = (change, track.half_life)
+                && number >= jump
+                && metrics::ghost(&image, truth.image(before), truth.image(after)) <= 0.5
+            {
+                track.half_life = Some(number - jump);
+            }
+            if is_shown(&track.variant.name) {
+                track.panels.push(panel(size, &image, &frame));
+            }
+            track.shown = [std::mem::take(&mut track.shown[1]), image];
+        }
+        prior = now;
+        last = Some((frame, reference));
+    }
+    let Some((frame, Some(reference))) = last else {
+        return Ok(SequenceRun::default());
+    };
+    let before = truth.at(&at(frames.saturating_sub(2)))?;
+    let mut out = SequenceRun::default();
+    for track in &mut tracks {
+        let image = &track.shown[1];
+        let expected = truth.image(reference);
+        let (squared, relative_mse) = metrics::errors(image, expected, &chosen);
+        track.times.sort_by(f64::total_cmp);
+        out.results.push(SequenceResult {
+            scene: room.name.clone(),
+            signal: signal.name().into(),
+            event: event.name().into(),
+            size: [width, height],
+            variant: track.variant.name.clone(),
+            piece: track.variant.piece.map(Into::into),
+            ms: track.times[track.times.len() / 2],
+            rmse: squared.sqrt(),
+            reference_rmse: truth.known[reference].1.error,
+            relative_mse,
+            psnr: -10.0 * squared.max(1e-12).log10(),
+            ssim: metrics::similarity(size, image, expected),
+            flip: metrics::flip(size, image, expected).0,
+            flicker: if frames > 1 {
+                metrics::flicker(
+                    [&track.shown[0], image],
+                    [truth.image(before), expected],
+                    &chosen,
+                )
             } else {
                 0.0
             },
-            normal,
-        })
-        .collect();
-    let jump = settings.frames / 2;
-    let first_light = scene.scene.light;
-    let turned = glam::Quat::from_rotation_y(0.35) * first_light.direction;
-    let reference = |renderer: &mut Renderer<'_>| -> Result<Vec<f32>, StageError> {
-        let job = Job {
-            frame: 1,
-            ..Job::samples(stage, settings.reference_samples)
-        };
-        Ok(renderer.render(&job)?.image.data)
-    };
-    let mut chosen = renderer.traced(stage);
-    let before = reference(&mut renderer)?;
-    let mut noisy = Vec::new();
-    let mut after = None;
-    for frame in 0..settings.frames {
-        if event == Event::Jump && frame == jump {
-            renderer.turn_light(turned);
-            for (c, t) in chosen.iter_mut().zip(renderer.traced(stage)) {
-                *c |= t;
-            }
-            after = Some(reference(&mut renderer)?);
-        }
-        let job = Job {
-            sampler: Sampler::White,
-            frame: 16 + frame,
-            ..Job::frame(stage)
-        };
-        noisy.push(renderer.render(&job)?.image.data);
+            half_life: track.half_life,
+            by_frame: track.by_frame.clone(),
+        });
     }
-    let truth = |frame: u32| match &after {
-        Some(after) if frame >= jump => after,
-        _ => &before,
-    };
-
-    let name = &scene.scene.name;
-    let mut out = SequenceRun::default();
-    let picture = |what: &str, caption: String, data: Vec<f32>| SequencePicture {
-        scene: name.clone(),
-        name: [stage.name().into(), event.name().into(), what.into()],
-        caption,
-        image: Image {
-            width,
-            height,
-            channels: 1,
-            data,
-        },
-    };
-    let last = truth(settings.frames - 1);
-    for variant in Variant::ALL {
-        let mut denoiser = Denoiser::new(variant, size, &surfaces);
-        let (mut by_frame, mut times) = (Vec::new(), Vec::new());
-        let mut half_life = None;
-        let mut shown = [Vec::new(), Vec::new()];
-        for (frame, noisy) in (0..).zip(&noisy) {
-            let (image, ms) = denoiser.step(noisy);
-            times.push(ms);
-            by_frame.push(errors(&image, truth(frame), &chosen).0.sqrt());
-            if let (Some(after), None) = (&after, half_life)
-                && frame >= jump
-                && ghost(&image, &before, after) <= 0.5
-            {
-                half_life = Some(frame - jump);
-            }
-            shown = [std::mem::take(&mut shown[1]), image];
-        }
-        let [previous, image] = shown;
-        let (squared, relative_mse) = errors(&image, last, &chosen);
-        let difference: f64 = (0..image.len())
-            .filter(|i| chosen[*i])
-            .map(|i| f64::from((image[i] - previous[i]).abs()))
-            .sum();
-        times.sort_by(f64::total_cmp);
-        let result = SequenceResult {
-            scene: name.clone(),
-            signal: stage.name().into(),
-            event: event.name().into(),
-            variant: variant.name(),
-            ms: times[times.len() / 2],
-            rmse: squared.sqrt(),
-            relative_mse,
-            psnr: -10.0 * squared.max(1e-12).log10(),
-            ssim: similarity(size, &image, last),
-            flicker: difference / chosen.iter().filter(|c| **c).count().max(1) as f64,
-            half_life,
-            by_frame,
-        };
-        if matches!(
-            variant,
-            Variant::None
-                | Variant::Average
-                | Variant::Clamped
-                | Variant::Svgf(1)
-                | Variant::Svgf(5)
-        ) {
-            out.pictures.push(picture(
-                &result.variant,
-                format!(
-                    "{}, {}, the last of {} frames, {}: {:.2} ms a frame, RMSE {:.4}, SSIM {:.3}.",
-                    stage.title(),
-                    event.name(),
-                    settings.frames,
-                    result.variant,
-                    result.ms,
-                    result.rmse,
-                    result.ssim,
-                ),
-                image,
-            ));
-        }
-        out.results.push(result);
-    }
-    out.pictures.push(picture(
-        "reference",
-        format!(
-            "{}, {}: reference, {} samples a pixel.",
-            stage.title(),
-            event.name(),
-            settings.reference_samples
-        ),
-        last.clone(),
-    ));
+    pictures(
+        &mut out,
+        [signal.title(), signal.name(), event.name()],
+        &tracks,
+        (&frame, truth.image(reference)),
+        &chosen,
+        settings,
+    )?;
     Ok(out)
 }
 
-/// How much of the picture before a jump is left in one after it: 1 all, 0
-/// nothing. The noise of single pixels averages out.
-fn ghost(image: &[f32], before: &[f32], after: &[f32]) -> f64 {
-    let (mut left, mut all) = (0.0, 0.0);
-    for ((x, b), a) in image.iter().zip(before).zip(after) {
-        let change = f64::from(b - a);
-        left += f64::from(x - a) * change;
-        all += change * change;
+fn shown(image: &[Vec3], frame: &Frame) -> Vec<Vec3> {
+    image
+        .iter()
+        .zip(&frame.background)
+        .map(|(v, b)| *v + *b)
+        .collect()
+}
+
+/// The middle of a frame, as an animation shows it.
+fn panel(size: UVec2, image: &[Vec3], frame: &Frame) -> Picture {
+    let part = PANEL.min(size);
+    Picture::of(size, &shown(image, frame)).part((size - part) / 2, part, 1)
+}
+
+/// The whole last frames; crops and maps of FLIP; an animation.
+fn pictures(
+    out: &mut SequenceRun,
+    [title, signal, event]: [&str; 3],
+    tracks: &[Track],
+    (frame, reference): (&Frame, &[Vec3]),
+    chosen: &[bool],
+    settings: &SequenceSettings,
+) -> Result<(), StageError> {
+    let size = UVec2::new(settings.width, settings.height);
+    let scene = out.results.first().map_or("", |r| &r.scene).to_owned();
+    let mut add = |what: &str, caption: String, frames: &[Picture]| {
+        out.pictures.push(SequencePicture {
+            scene: scene.clone(),
+            name: [signal.into(), event.into(), what.into()],
+            caption,
+            png: show::png(frames)?,
+        });
+        Ok::<_, StageError>(())
+    };
+    let chosen_tracks: Vec<&Track> = tracks.iter().filter(|t| !t.panels.is_empty()).collect();
+    let Some(base) = chosen_tracks
+        .iter()
+        .find(|t| t.variant.name == format!("SVGF, {BASE} passes"))
+    else {
+        return Ok(());
+    };
+    let corner = show::worst(size, &base.shown[1], reference, chosen);
+    let whole = Picture::of(size, &shown(reference, frame));
+    let mut rows = [Vec::new(), Vec::new()];
+    let mut names = Vec::new();
+    for track in &chosen_tracks {
+        let image = &track.shown[1];
+        rows[0].push(Picture::of(size, &shown(image, frame)).crop(corner));
+        let (_, rgb) = metrics::flip(size, image, reference);
+        rows[1].push(Picture { size, rgb }.crop(corner));
+        names.push(track.variant.name.as_str());
     }
-    left / f64::max(all, 1e-12)
+    rows[0].push(whole.crop(corner));
+    add(
+        "crops",
+        format!(
+            "{title}, {event}: where SVGF errs most, in the last of {} frames, four times as large; from left to right {}, reference. Below it FLIP, from black (none) to white.",
+            settings.frames,
+            names.join(", "),
+        ),
+        &[show::sheet(&rows)],
+    )?;
+    add(
+        "reference",
+        format!(
+            "{title}, {event}: reference of the last frame, {} samples a pixel.",
+            settings.reference_samples
+        ),
+        &[whole],
+    )?;
+    let [first, third] = [chosen_tracks[0], base];
+    let animation: Vec<Picture> = first
+        .panels
+        .iter()
+        .zip(&third.panels)
+        .map(|(a, b)| show::sheet(&[vec![a.clone(), b.clone()]]))
+        .collect();
+    add(
+        "animation",
+        format!(
+            "{title}, {event}: {} frames, {} beside {}.",
+            animation.len(),
+            first.variant.name,
+            third.variant.name,
+        ),
+        &animation,
+    )
 }

@@ -3,67 +3,118 @@
 use raytwin_tests::scene::Scene;
 
 use super::*;
+use crate::stages::StageScene;
 
 const SETTINGS: SequenceSettings = SequenceSettings {
     width: 192,
     height: 108,
     frames: 24,
     reference_samples: 64,
+    all: true,
 };
 
-fn row(run: &SequenceRun, variant: Variant) -> &SequenceResult {
-    let name = variant.name();
-    run.results.iter().find(|r| r.variant == name).unwrap()
+fn run(signal: Signal, event: Event) -> SequenceRun {
+    let scene = StageScene::new(Scene::toy_room()).unwrap();
+    let balls = ReflectionScene::new(&scene).unwrap();
+    let run = measure(&balls, signal, event, &SETTINGS).unwrap();
+    for r in &run.results {
+        println!(
+            "{} {} {}: {:.2} ms, rmse {:.4} (reference {:.4}), flip {:.3}, ssim {:.3}, flicker {:.4}, half-life {:?}",
+            r.signal,
+            r.event,
+            r.variant,
+            r.ms,
+            r.rmse,
+            r.reference_rmse,
+            r.flip,
+            r.ssim,
+            r.flicker,
+            r.half_life
+        );
+    }
+    assert!(run.pictures.len() == 3 && run.pictures.iter().all(|p| p.png.len() > 100));
+    run
+}
+
+fn row<'a>(run: &'a SequenceRun, name: &str) -> &'a SequenceResult {
+    let found = run.results.iter().find(|r| r.variant == name);
+    found.unwrap_or_else(|| panic!("no variant {name}"))
+}
+
+const AVERAGE: &str = "average of 32 frames";
+
+fn passes(n: u32) -> String {
+    format!("SVGF, {n} passes")
 }
 
 #[test]
 fn still_images_converge_and_passes_help() {
-    let scene = StageScene::new(Scene::toy_room()).unwrap();
-    for stage in [Stage::SoftShadow, Stage::AmbientOcclusion] {
-        let run = measure(&scene, stage, Event::Still, &SETTINGS).unwrap();
-        for r in &run.results {
-            println!(
-                "{} {}: {:.2} ms, rmse {:.4}, ssim {:.3}, flicker {:.4}",
-                r.signal, r.variant, r.ms, r.rmse, r.ssim, r.flicker
-            );
-        }
-        let rmse = |v| row(&run, v).rmse;
-        assert!(rmse(Variant::Average) < 0.4 * rmse(Variant::None));
-        assert!(rmse(Variant::Svgf(0)) < 0.6 * rmse(Variant::None));
+    for signal in [Signal::SoftShadow, Signal::AmbientOcclusion] {
+        let run = run(signal, Event::Still);
+        let rmse = |v: &str| row(&run, v).rmse;
+        assert!(rmse(AVERAGE) < 0.4 * rmse("1 spp"));
+        assert!(rmse(&passes(0)) < 0.6 * rmse("1 spp"));
         // The passes blur the penumbras of thin slats; occlusion is smooth.
-        if stage == Stage::AmbientOcclusion {
-            assert!(rmse(Variant::Svgf(3)) < 0.6 * rmse(Variant::Svgf(0)));
+        if signal == Signal::AmbientOcclusion {
+            assert!(rmse(&passes(3)) < 0.6 * rmse(&passes(0)));
         }
-        let ssim = |v| row(&run, v).ssim;
-        assert!(ssim(Variant::Svgf(3)) > ssim(Variant::None));
+        let ssim = |v: &str| row(&run, v).ssim;
+        assert!(ssim(&passes(3)) > ssim("1 spp"));
         for r in &run.results {
             assert!(r.half_life.is_none() && r.by_frame.len() == 24);
-            assert!(r.flicker <= row(&run, Variant::None).flicker);
+            assert!(r.flicker <= row(&run, "1 spp").flicker);
+            assert!(r.reference_rmse < 0.3 * row(&run, "1 spp").rmse);
         }
+        // A still camera has the same history wherever it is looked for, and a
+        // scalar as a colour is the same number three times.
+        let ratio = rmse("SVGF, 3 passes, as RGB") / rmse(&passes(3));
+        assert!((ratio - 1.0).abs() < 1e-5, "{ratio}");
     }
 }
 
 #[test]
 fn a_short_history_forgets_a_light_sooner() {
-    let scene = StageScene::new(Scene::toy_room()).unwrap();
-    let run = measure(&scene, Stage::SoftShadow, Event::Jump, &SETTINGS).unwrap();
-    let life = |v| row(&run, v).half_life;
+    let run = run(Signal::SoftShadow, Event::LightJumps);
+    let life = |v: &str| row(&run, v).half_life;
     // Nothing is kept, so nothing has to go.
-    assert_eq!(life(Variant::None), Some(0));
+    assert_eq!(life("1 spp"), Some(0));
     // Five frames have half of a change after three; an average of all twelve
     // so far after as many again.
-    let short = life(Variant::Svgf(0)).unwrap();
+    let short = life(&passes(0)).unwrap();
     assert!((2..=4).contains(&short), "{short}");
-    assert!(life(Variant::Svgf(5)).unwrap() >= short - 1);
-    assert_eq!(life(Variant::Average), Some(11));
-    assert!(life(Variant::Clamped).unwrap() <= 2);
+    assert!(life(&passes(5)).unwrap() >= short - 1);
+    assert_eq!(life(AVERAGE), Some(11));
+    assert!(life("average of 32 frames, clamped").unwrap() <= 2);
 }
 
 #[test]
-fn ghosts() {
-    let (before, after) = ([1.0, 0.0, 0.5], [0.0, 0.0, 1.0]);
-    assert_eq!(ghost(&before, &before, &after), 1.0);
-    assert_eq!(ghost(&after, &before, &after), 0.0);
-    assert_eq!(ghost(&[0.5, 7.0, 0.75], &before, &after), 0.5);
-    assert_eq!(ghost(&after, &after, &after), 0.0);
+fn history_follows_what_moves() {
+    for (signal, event) in [
+        (Signal::AmbientOcclusion, Event::Pan),
+        (Signal::AmbientOcclusion, Event::Dolly),
+        (Signal::AmbientOcclusion, Event::Turn),
+        (Signal::SoftShadow, Event::Ball),
+    ] {
+        let run = run(signal, event);
+        let rmse = |v: &str| row(&run, v).rmse;
+        assert!(rmse(&passes(3)) < rmse("SVGF, 3 passes, not reprojected"));
+        assert!(rmse(&passes(3)) < rmse("SVGF, 3 passes, reprojected without tests"));
+        // Where the camera moves the history is somewhere else everywhere; a
+        // moving shadow has none on what it falls on, unless that is clamped.
+        if event == Event::Ball {
+            assert!(rmse("average of 32 frames, clamped") < 0.8 * rmse(AVERAGE));
+        } else {
+            assert!(rmse(AVERAGE) < 0.6 * rmse("1 spp"));
+            assert!(rmse(&passes(3)) < 0.8 * rmse("SVGF, 3 passes, not reprojected"));
+        }
+        assert!(row(&run, &passes(3)).flicker < 0.5 * row(&run, "1 spp").flicker);
+    }
+}
+
+#[test]
+fn reflections_move_otherwise_than_what_reflects() {
+    let run = run(Signal::Reflection, Event::Pan);
+    let rmse = |v: &str| row(&run, v).rmse;
+    assert!(rmse(&passes(1)) < rmse("quarter ray"));
+    assert!(rmse("SVGF, 3 passes, hit point") < rmse("SVGF, 3 passes, not reprojected"));
 }

@@ -22,7 +22,7 @@ mod cpu;
 pub(crate) mod gpu;
 mod image;
 mod pictures;
-mod program;
+pub(crate) mod program;
 #[cfg(test)]
 mod tests;
 
@@ -524,17 +524,6 @@ impl<'a> Renderer<'a> {
     #[must_use]
     pub fn label(&self) -> &str {
         &self.label
-    }
-
-    /// What each pixel sees: position, geometric normal, and whether it is a
-    /// surface.
-    pub(crate) fn seen(&self) -> impl Iterator<Item = (Vec3, Vec3, bool)> + '_ {
-        self.surfaces.iter().map(|s| (s.position, s.normal, s.hit))
-    }
-
-    /// Moves the light to another direction, a unit vector.
-    pub(crate) fn turn_light(&mut self, direction: Vec3) {
-        self.parameters.light_direction = direction;
     }
 
     /// Which pixels trace rays in a stage; the others are constant.

@@ -20,7 +20,7 @@ use super::{Sampler, Stage};
 
 /// Frames after which the Halton points repeat. The index has room for 23,014
 /// samples of a pixel: `4 · samples` must stay below.
-pub(super) const FRAME_LOOP: u32 = 4;
+pub(crate) const FRAME_LOOP: u32 = 4;
 
 /// Least offset as a fraction of the distance from the origin, 2^-18: 32 ULP,
 /// where a hit point is wrong by two or three.
@@ -28,7 +28,7 @@ const OFFSET_PRECISION: f32 = 1.0 / 262_144.0;
 
 /// What every pixel of one run shares.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Parameters {
+pub(crate) struct Parameters {
     pub camera: Camera,
     pub light_direction: Vec3,
     pub light_one_minus_cos: f32,
@@ -84,7 +84,7 @@ impl Parameters {
 
 /// What a pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Surface {
+pub(crate) struct Surface {
     /// Where; without a surface the view direction.
     pub position: Vec3,
     pub hit: bool,
@@ -103,7 +103,7 @@ pub(super) struct Surface {
 /// what a renderer gets that seeds by pixel and frame and takes one sample a
 /// frame.
 #[inline]
-fn stage_random(p: &Parameters, pixel: UVec2, sample: u32) -> Vec2 {
+pub(crate) fn stage_random(p: &Parameters, pixel: UVec2, sample: u32) -> Vec2 {
     match p.sampler {
         Sampler::White => {
             let a = pcg_next(pcg_seed(
@@ -143,13 +143,13 @@ fn stage_random(p: &Parameters, pixel: UVec2, sample: u32) -> Vec2 {
 /// ray itself, so far from the origin only the spacing of `f32` counts: a
 /// thousandth of `|position|` would swallow a small model far away.
 #[inline]
-fn stage_offset(p: &Parameters, position: Vec3) -> f32 {
+pub(crate) fn stage_offset(p: &Parameters, position: Vec3) -> f32 {
     p.offset.max(vec3_length(position) * OFFSET_PRECISION)
 }
 
 /// The primary ray through the middle of a pixel.
 #[inline]
-pub(super) fn stage_surface(
+pub(crate) fn stage_surface(
     p: &Parameters,
     bvh: &BvhView<'_>,
     normals: &[Vec3],
@@ -181,7 +181,7 @@ pub(super) fn stage_surface(
 /// A neutral look: a sky above and a floor below, of which the fraction `open`
 /// is seen, and the light, of which the fraction `light` is.
 #[inline]
-pub(super) fn stage_shade(p: &Parameters, s: &Surface, light: f32, open: f32) -> Vec3 {
+pub(crate) fn stage_shade(p: &Parameters, s: &Surface, light: f32, open: f32) -> Vec3 {
     if !s.hit {
         let up = 0.5 + 0.5 * s.position.y;
         return Vec3::new(0.60 - 0.34 * up, 0.68 - 0.30 * up, 0.78 - 0.22 * up);
@@ -196,7 +196,7 @@ pub(super) fn stage_shade(p: &Parameters, s: &Surface, light: f32, open: f32) ->
 }
 
 #[inline]
-pub(super) fn stage_faces_light(p: &Parameters, s: &Surface) -> bool {
+pub(crate) fn stage_faces_light(p: &Parameters, s: &Surface) -> bool {
     s.hit && vec3_dot(s.normal, p.light_direction) > 0.0
 }
 
@@ -224,7 +224,7 @@ fn stage_soft_shadow_sample(p: &Parameters, bvh: &BvhView<'_>, s: &Surface, u: V
 }
 
 #[inline]
-fn stage_ao_ray(p: &Parameters, s: &Surface, u: Vec2) -> Ray {
+pub(crate) fn stage_ao_ray(p: &Parameters, s: &Surface, u: Vec2) -> Ray {
     let local = hemisphere_cosine_sample(u);
     let direction = basis_to_world(basis_from_normal(s.normal), s.normal, local);
     let t_min = stage_offset(p, s.position);
@@ -256,7 +256,7 @@ fn stage_ao_power_sample(p: &Parameters, bvh: &BvhView<'_>, s: &Surface, u: Vec2
 
 /// Whether a pixel's samples are rays in this stage.
 #[inline]
-pub(super) fn stage_traces(stage: Stage, p: &Parameters, s: &Surface) -> bool {
+pub(crate) fn stage_traces(stage: Stage, p: &Parameters, s: &Surface) -> bool {
     match stage {
         Stage::Primary => true,
         Stage::HardShadow | Stage::SoftShadow => stage_faces_light(p, s),
@@ -266,7 +266,7 @@ pub(super) fn stage_traces(stage: Stage, p: &Parameters, s: &Surface) -> bool {
 
 /// The sum over a pixel's samples, in a stage that has one channel.
 #[inline]
-pub(super) fn stage_sum(
+pub(crate) fn stage_sum(
     stage: Stage,
     p: &Parameters,
     bvh: &BvhView<'_>,
