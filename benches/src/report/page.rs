@@ -630,7 +630,10 @@ fn pieces_table(rows: &[&SequenceRow]) -> Markup {
     else {
         return html! {};
     };
-    let percent = |value: f64| format!("{:+.0} %", 100.0 * (value - 1.0));
+    let percent = |value: f64| match (100.0 * (value - 1.0)).round() {
+        0.0 => "±0 %".to_owned(),
+        n => format!("{n:+} %"),
+    };
     html! { div.scroll { table {
         caption { "What each piece buys: SVGF with three passes, changed in one thing." }
         thead { tr {

@@ -149,7 +149,10 @@ pub(super) fn sequences(report: &Report) -> Vec<(String, Vec<&SequenceRow>)> {
 
 /// Error against time a frame; without a filter there is no time to draw.
 fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
-    let base = |r: &&&SequenceRow| r.piece.as_deref() == Some("all of it");
+    let middle = rows
+        .iter()
+        .find(|r| r.piece.as_deref() == Some("all of it"))
+        .map_or(0.0, |r| r.rmse);
     let of = |title: &str, k: usize, chosen: &[&&SequenceRow], labels: Vec<String>| Series {
         labels,
         joined: k == 0,
@@ -166,8 +169,9 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
     let pieces: Vec<_> = rows
         .iter()
         .filter(|r| {
+            // What changes nothing would lie on the point that it came from.
             let of_the_passes = r.variant.ends_with(" passes");
-            r.piece.is_some() && !base(r) && !of_the_passes
+            r.piece.is_some() && !of_the_passes && (r.rmse / middle - 1.0).abs() > 0.04
         })
         .collect();
     let averages: Vec<_> = rows

@@ -115,7 +115,7 @@ pub fn halton_prime(dimension: u32) -> u32 {
 
 /// Digits of `index` in `base`, mirrored at the radix point; in `[0, 1)`.
 ///
-/// `base` in `[2, 256]`, any `index`.
+/// `base` in `[2, 256]`, any `index`; 0 for a base below, which has no digits.
 ///
 /// Error analysis: digits are integers. While `base^k <= 2^24` numerator and
 /// denominator are exact in `f32` and the one division is the only rounding;
@@ -127,6 +127,9 @@ pub fn halton_prime(dimension: u32) -> u32 {
 pub fn halton_radical_inverse(base: u32, index: u32) -> f32 {
     if base == 2 {
         return (index.reverse_bits() >> 8) as f32 * (1.0 / 16_777_216.0);
+    }
+    if base < 2 {
+        return 0.0;
     }
     let limit = 16_777_216 / base;
     let mut n = index;

@@ -42,6 +42,9 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
     }
     // The exact ratio in 128 bits; its f64 is right to 2^-53.
     fn radical_inverse(base: u32, index: u32) -> f64 {
+        if base < 2 {
+            return 0.0;
+        }
         let (mut top, mut bottom) = (0u128, 1u128);
         for digit in digits(u64::from(index), u64::from(base), 33) {
             if bottom > u128::from(u64::MAX) {
@@ -188,6 +191,9 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (3, 0),
             (3, 4_782_968),
             (3, 43_046_720),
+            // No digits: neither a division by zero nor a loop without end.
+            (0, 7),
+            (1, 7),
         ])
         .source(HALTON)
         .build(),

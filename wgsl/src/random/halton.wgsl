@@ -87,6 +87,9 @@ fn halton_radical_inverse(base: u32, index: u32) -> f32 {
     if base == 2u {
         return f32(reverseBits(index) >> 8u) * (1.0 / 16777216.0);
     }
+    if base < 2u {
+        return 0.0;
+    }
     // While base^k <= 2^24, numerator and denominator are exact in f32; the
     // digits beyond enter as an exact ratio below one.
     let limit = 16777216u / base;
