@@ -30,7 +30,7 @@ struct Cli {
     /// Leave out the CPU twins (Embree stays, for the ratios)
     #[arg(long)]
     gpu: bool,
-    /// Size of the pictures
+    /// Size of the pictures and sequences
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<(u32, u32)>,
     /// Folder to write

@@ -200,6 +200,27 @@ impl<'a> ReflectionScene<'a> {
         })
     }
 
+    /// Any scene, without balls, seen by its own camera.
+    #[must_use]
+    pub fn bare(scene: &'a StageScene) -> Self {
+        let camera = scene.scene.camera;
+        Self {
+            scene,
+            balls: Vec::new(),
+            ground: f32::MIN,
+            checker: 1.0,
+            middle: Vec3::ZERO,
+            back: Vec3::ZERO,
+            views: [("scene", camera), ("scene", camera)],
+        }
+    }
+
+    /// Whether there are balls to look at.
+    #[must_use]
+    pub fn has_balls(&self) -> bool {
+        !self.balls.is_empty()
+    }
+
     /// Names of the views.
     #[must_use]
     pub fn views(&self) -> [&'static str; 2] {

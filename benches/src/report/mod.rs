@@ -402,13 +402,15 @@ impl<'a> Run<'a> {
     ) -> Result<Vec<Shown>, ReportError> {
         use sequence::{Event, Signal};
         let mut shown = Vec::new();
-        let Some(balls) = ReflectionScene::new(scene) else {
-            return Ok(shown);
-        };
+        let balls = ReflectionScene::new(scene).unwrap_or_else(|| ReflectionScene::bare(scene));
         let full = self.options.full;
+        let possible = |signal: Signal, event| {
+            let needs_balls = signal == Signal::Reflection || event == Event::Ball;
+            signal.has(event) && (balls.has_balls() || !needs_balls)
+        };
         let mut jobs = Vec::new();
         for signal in Signal::ALL {
-            for event in Event::ALL.into_iter().filter(|e| signal.has(*e)) {
+            for event in Event::ALL.into_iter().filter(|e| possible(signal, *e)) {
                 let quick = matches!(
                     (signal, event),
                     (Signal::SoftShadow, Event::LightJumps | Event::Ball)
@@ -419,12 +421,15 @@ impl<'a> Run<'a> {
                 } else if quick {
                     jobs.push((signal, event, SequenceSettings::quick()));
                 }
-                if full && event == Event::Pan {
+                if full && event == Event::Pan && self.options.size.is_none() {
                     jobs.push((signal, event, SequenceSettings::large()));
                 }
             }
         }
-        for (signal, event, settings) in jobs {
+        for (signal, event, mut settings) in jobs {
+            if let Some(size) = self.options.size {
+                (settings.width, settings.height) = size;
+            }
             let name = &scene.scene.name;
             progress(&format!(
                 "{name}: {}, {}, {} x {}",

@@ -167,7 +167,9 @@ impl<'a> Film<'a> {
 
     fn balls(&self, moment: &Moment) -> Vec<reflect::Ball> {
         let mut balls = self.scene.balls.clone();
-        balls[BALL].center += moment.ball;
+        if let Some(ball) = balls.get_mut(BALL) {
+            ball.center += moment.ball;
+        }
         if self.signal == Signal::Reflection {
             balls.push(self.floor);
         }
