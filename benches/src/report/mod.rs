@@ -512,8 +512,9 @@ impl<'a> Run<'a> {
             if self.only.takes(&stage_entry(&name, REFLECTIONS)) {
                 shown.extend(self.measure_reflections(&scene, &progress)?);
             }
-            // The quick report has the toy room's, or those of a given scene.
-            let is_wanted = self.options.full || self.options.scene.is_some() || name == "toy";
+            // The quick report has the toy room's, or those that were asked for.
+            let asked = self.options.scene.is_some() || self.options.only.is_some();
+            let is_wanted = self.options.full || asked || name == "toy";
             if is_wanted
                 && !self.options.gpu_only
                 && self.only.takes(&stage_entry(&name, SEQUENCES))

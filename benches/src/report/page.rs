@@ -590,7 +590,8 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
             p {
                 "A ray (of reflections a quarter) a pixel and frame; camera, ball or light move. Errors are those of the last frame against a reference, whose own error is in the caption of each table; "
                 "flicker is the mean change of the error between the last two frames, half-life the frames until half of a jump has arrived. "
-                "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history."
+                "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history. "
+                "A lone dark or bright pixel in a picture is a surface of a pixel's width: no neighbour is on it, and where the camera moves it has no history either, so it shows its one sample."
             }
             @for (name, rows) in super::plots::sequences(report) { (sequence_table(&name, &rows)) (pieces_table(&rows)) }
             (figures("Over time"))
