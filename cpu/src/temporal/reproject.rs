@@ -400,10 +400,11 @@ pub fn reproject_footprint(pixel: UVec2, size: UVec2, motion: Vec2) -> Reproject
     let across = Vec3::new(1.0 - part.x, part.x, 0.0);
     let down = Vec3::new(1.0 - part.y, part.y, 0.0);
     // The image ends half a pixel beyond the middle of its last one.
-    let left = corner.x < size.x || part.x >= 0.5;
-    let right = corner.x.wrapping_add(1) < size.x || part.x <= 0.5;
-    let top = corner.y < size.y || part.y >= 0.5;
-    let bottom = corner.y.wrapping_add(1) < size.y || part.y <= 0.5;
+    let next = UVec2::new(corner.x.wrapping_add(1), corner.y.wrapping_add(1));
+    let left = corner.x < size.x || (next.x < size.x && part.x >= 0.5);
+    let right = next.x < size.x || (corner.x < size.x && part.x <= 0.5);
+    let top = corner.y < size.y || (next.y < size.y && part.y >= 0.5);
+    let bottom = next.y < size.y || (corner.y < size.y && part.y <= 0.5);
     if !(left && right && top && bottom) {
         return REPROJECT_NO_TAPS;
     }
@@ -634,7 +635,8 @@ where
 /// The history of the texels that count: their weighted mean.
 ///
 /// `read_history(at)` gives a texel's history; it must say length 0 where a
-/// value is not finite (`math/sanitize`), and such a texel does not count. Each
+/// value is not finite (`math/sanitize`), and such a texel does not count. Where
+/// less than [`REPROJECT_COVERAGE`] is left there is no history. Each
 /// channel lies between those of the texels; of one texel alone it is that
 /// value itself. The length is the weighted harmonic mean of the texels': the
 /// variance of a mean is at most the mean of the variances, whatever they have
@@ -685,7 +687,7 @@ where
         weight += tap.weight;
         rates += tap.weight / texel.length;
     }
-    if weight <= 0.0 {
+    if weight < REPROJECT_COVERAGE {
         return ReprojectHistory {
             value: V::NOTHING,
             length: 0.0,
@@ -760,7 +762,8 @@ fn reproject_shorter(back: ReprojectBend, ahead: ReprojectBend) -> ReprojectBend
 
 /// How a pixel's surface bends in the image's direction `parallax` (in pixels,
 /// of any length): from the neighbour to the left or right, and that above or
-/// below, whichever is nearer in the world.
+/// below, whichever is nearer in the world. Where there is none across, or none
+/// along, the other direction's stands for both.
 ///
 /// `read_surface(at)` gives the surface that this frame has in a pixel, only
 /// called inside `size`. Neighbours of another mesh or without a surface do not
@@ -810,9 +813,22 @@ where
     }
     across = reproject_shorter(left, across);
     down = reproject_shorter(above, down);
+    // With a neighbour in one direction only, that one has to speak for both:
+    // else the least change of the parallax would turn a curve into a plane.
+    let length = parallax.x.abs() + parallax.y.abs();
+    let x = if vec3_dot(down.along, down.along) > 0.0 {
+        parallax.x
+    } else {
+        length
+    };
+    let y = if vec3_dot(across.along, across.along) > 0.0 {
+        parallax.y
+    } else {
+        length
+    };
     ReprojectBend {
-        along: across.along * parallax.x + down.along * parallax.y,
-        turn: across.turn * parallax.x + down.turn * parallax.y,
+        along: across.along * x + down.along * y,
+        turn: across.turn * x + down.turn * y,
     }
 }
 

@@ -248,10 +248,11 @@ fn reproject_footprint(pixel: vec2u, size: vec2u, motion: vec2f) -> ReprojectTap
     let across = vec3f(1.0 - part.x, part.x, 0.0);
     let down = vec3f(1.0 - part.y, part.y, 0.0);
     // The image ends half a pixel beyond the middle of its last one.
-    let left = corner.x < size.x || part.x >= 0.5;
-    let right = corner.x + 1u < size.x || part.x <= 0.5;
-    let top = corner.y < size.y || part.y >= 0.5;
-    let bottom = corner.y + 1u < size.y || part.y <= 0.5;
+    let next = vec2u(corner.x + 1u, corner.y + 1u);
+    let left = corner.x < size.x || (next.x < size.x && part.x >= 0.5);
+    let right = next.x < size.x || (corner.x < size.x && part.x <= 0.5);
+    let top = corner.y < size.y || (next.y < size.y && part.y >= 0.5);
+    let bottom = next.y < size.y || (corner.y < size.y && part.y <= 0.5);
     if !(left && right && top && bottom) {
         return REPROJECT_NO_TAPS;
     }
@@ -453,7 +454,7 @@ fn reproject_gather(taps: ReprojectTaps) -> ReprojectHistory {
         weight = weight + tap.weight;
         rates = rates + tap.weight / texel.length;
     }
-    if weight <= 0.0 {
+    if weight < REPROJECT_COVERAGE {
         return ReprojectHistory(ReprojectValue(), 0.0);
     }
     return ReprojectHistory(
@@ -527,9 +528,20 @@ fn reproject_bend(pixel: vec2u, size: vec2u, parallax: vec2f) -> ReprojectBend {
     }
     let across = reproject_shorter(left, right);
     let down = reproject_shorter(above, below);
+    // With a neighbour in one direction only, that one has to speak for both:
+    // else the least change of the parallax would turn a curve into a plane.
+    let length = abs(parallax.x) + abs(parallax.y);
+    var x = length;
+    if vec3_dot(down.along, down.along) > 0.0 {
+        x = parallax.x;
+    }
+    var y = length;
+    if vec3_dot(across.along, across.along) > 0.0 {
+        y = parallax.y;
+    }
     return ReprojectBend(
-        across.along * parallax.x + down.along * parallax.y,
-        across.turn * parallax.x + down.turn * parallax.y,
+        across.along * x + down.along * y,
+        across.turn * x + down.turn * y,
     );
 }
 
