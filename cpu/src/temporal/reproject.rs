@@ -1152,7 +1152,347 @@ mod tests {
                 println!(
                     "{name}, {step}: surface {surface:.3?}, flat {flat:.3?}, thin {thin:.3?}, curved {curved:.3?}"
                 );
+                // Means: better than either form without curvature, by far; and
+                // than the thin mirror, which knows no angle.
+                assert!(curved.1 < 0.2 * surface.1.max(flat.1));
+                assert!(curved.1 < 0.25 * surface.1.min(flat.1));
+                assert!(curved.1 < 0.75 * thin.1);
+                assert!(curved.0 < 0.35 * flat.0);
             }
+        }
+    }
+
+    #[test]
+    fn nothing_moves_where_nothing_moves() {
+        let camera = camera(Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 1.0, 0.5));
+        let mut next = numbers(1);
+        for _ in 0..1000 {
+            let point = Vec3::new(next(), next(), next()) * 40.0 - 20.0;
+            assert_eq!(reproject_motion(point, point, camera, camera), Vec2::ZERO);
+        }
+        let beside = Camera {
+            origin: camera.origin + Vec3::X,
+            ..camera
+        };
+        let ahead = camera.origin + camera.forward;
+        assert_ne!(reproject_motion(ahead, ahead, camera, beside), Vec2::ZERO);
+        let behind = camera.origin - camera.forward;
+        assert_eq!(
+            reproject_motion(ahead, behind, camera, camera),
+            Vec2::splat(REPROJECT_NOWHERE)
+        );
+    }
+
+    #[test]
+    fn footprints_weigh_one_and_lie_around_the_place() {
+        let size = UVec2::new(16, 12);
+        let mut next = numbers(2);
+        for k in 0..20_000u32 {
+            let pixel = UVec2::new(k % 16, k / 16 % 12);
+            let motion = Vec2::new(next(), next()) * 12.0 - 6.0;
+            let place = middle(pixel) + motion;
+            let inside = place.min_element() >= 0.0 && place.cmple(size.as_vec2()).all();
+            let border = place.min((size.as_vec2() - place).abs()).min_element();
+            for (wide, reach) in [(false, 1.0), (true, 1.5)] {
+                let taps = if wide {
+                    reproject_footprint_wide(pixel, size, motion)
+                } else {
+                    reproject_footprint(pixel, size, motion)
+                };
+                assert_eq!(taps.valid != 0, inside, "{pixel} {motion}");
+                for (at, w) in listed(taps) {
+                    assert!(at.cmplt(size).all() && w > 0.0);
+                    assert!((middle(at) - place).abs().max_element() <= reach + 1e-5);
+                }
+                if inside && border > reach {
+                    assert!((weight(taps) - 1.0).abs() < 1e-6);
+                    // Linear in the place: a ramp comes out as a ramp.
+                    let mean: Vec2 = listed(taps).iter().map(|(at, w)| middle(*at) * *w).sum();
+                    assert!((mean - place).length() < 1e-5);
+                }
+            }
+        }
+        for bad in [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            1e30,
+            REPROJECT_NOWHERE,
+        ] {
+            for motion in [Vec2::new(bad, 0.0), Vec2::new(0.0, bad)] {
+                let pixel = UVec2::new(3, 3);
+                assert_eq!(reproject_footprint(pixel, size, motion).valid, 0);
+                assert_eq!(reproject_footprint_wide(pixel, size, motion).valid, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_motions_have_mirrored_footprints() {
+        let size = UVec2::new(16, 12);
+        let sorted = |taps: ReprojectTaps, mirror: bool| {
+            let mut list: Vec<(u32, u32, u32)> = listed(taps)
+                .iter()
+                .map(|(at, w)| {
+                    let x = if mirror { size.x - 1 - at.x } else { at.x };
+                    (x, at.y, (w * 1e5).round() as u32)
+                })
+                .collect();
+            list.sort_unstable();
+            list
+        };
+        // Dyadic, so that nothing rounds; also from the first column and row,
+        // which some implementations leave without history.
+        for k in 0..16 * 12 * 80u32 {
+            let pixel = UVec2::new(k % 16, k / 16 % 12);
+            let step = (k / 192) as f32;
+            let motion = Vec2::new(step * 0.125 - 5.0, 2.375 - step * 0.0625);
+            let other = UVec2::new(size.x - 1 - pixel.x, pixel.y);
+            let back = Vec2::new(-motion.x, motion.y);
+            for footprint in [reproject_footprint, reproject_footprint_wide] {
+                assert_eq!(
+                    sorted(footprint(pixel, size, motion), true),
+                    sorted(footprint(other, size, back), false),
+                    "{pixel} {motion}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn trap_truncation_toward_zero() {
+        // A quarter of a pixel left of the first column's middle.
+        let taps = reproject_footprint(UVec2::ZERO, UVec2::splat(8), Vec2::new(-0.25, 0.0));
+        assert_eq!(listed(taps), [(UVec2::ZERO, 0.75)]);
+        // Truncated, the first texel is 0 and the second 1, with the fraction
+        // that belongs to texels -1 and 0.
+        let place = -0.25f32;
+        assert_eq!((place as i32, place - place.floor()), (0, 0.75));
+        assert_ne!(place as i32, place.floor() as i32);
+    }
+
+    #[test]
+    fn trap_one_test_for_four_taps() {
+        // An edge between two objects, two columns each.
+        let size = UVec2::new(4, 4);
+        let prior = |at: UVec2| ReprojectSurface {
+            mesh: u32::from(at.x >= 2),
+            ..flat(at)
+        };
+        let read = |at: UVec2| ReprojectHistory {
+            value: if at.x >= 2 { 1.0f32 } else { 0.0 },
+            length: 7.0,
+        };
+        for k in 1..=16u8 {
+            let motion = Vec2::new(0.0625 * f32::from(k), 0.0);
+            let pixel = UVec2::new(1, 1);
+            let expected = ReprojectSurface {
+                mesh: 1,
+                ..flat(UVec2::new(2, 1))
+            };
+            let found = reproject_pixel(
+                pixel,
+                size,
+                motion,
+                expected,
+                0.0,
+                REPROJECT_TOLERANCE,
+                prior,
+                read,
+            );
+            // Of the object, never a mixture.
+            assert_eq!((found.value, found.length), (1.0, 7.0), "{motion}");
+            // The filtered fetch that tests only the place itself mixes them.
+            let mixed = reproject_gather(reproject_footprint(pixel, size, motion), read);
+            assert!(k == 16 || (mixed.value > 0.0 && mixed.value < 1.0));
+        }
+    }
+
+    #[test]
+    fn three_by_three_only_where_none_of_the_four_fits() {
+        let size = UVec2::new(8, 8);
+        let lone = UVec2::new(3, 3);
+        let reads = std::cell::Cell::new(0);
+        let find = |pixel: UVec2, motion: Vec2| {
+            reads.set(0);
+            let found = reproject_find(
+                pixel,
+                size,
+                motion,
+                flat(pixel),
+                0.0,
+                REPROJECT_TOLERANCE,
+                |at| {
+                    reads.set(reads.get() + 1);
+                    ReprojectSurface {
+                        mesh: u32::from(at != lone),
+                        ..flat(at)
+                    }
+                },
+            );
+            (listed(found), reads.get())
+        };
+        assert_eq!(find(lone, Vec2::ZERO), (vec![(lone, 1.0)], 1));
+        assert_eq!(find(lone, Vec2::splat(0.25)).0, [(lone, 0.75 * 0.75)]);
+        // A pixel beside it: nothing at its place, the neighbour by the spline.
+        let found = find(UVec2::new(4, 3), Vec2::ZERO);
+        assert_eq!(found, (vec![(lone, 0.125 * 0.75)], 1 + 9));
+        assert_eq!(find(UVec2::new(6, 6), Vec2::ZERO).0, []);
+    }
+
+    #[test]
+    fn a_texel_counts_if_it_lies_on_the_surface_that_is_expected() {
+        let here = flat(UVec2::new(4, 4));
+        let test = |found: ReprojectSurface, curvature: f32| {
+            reproject_matches(here, curvature, found, REPROJECT_TOLERANCE)
+        };
+        assert_eq!(test(here, 0.0), 1);
+        // Far along the plane, near off it.
+        let moved = |by: Vec3| ReprojectSurface {
+            position: here.position + by,
+            ..here
+        };
+        assert_eq!(test(moved(Vec3::new(50.0, -80.0, 0.0)), 0.0), 1);
+        assert_eq!(test(moved(Vec3::new(0.0, 0.0, 0.011)), 0.0), 0);
+        assert_eq!(test(moved(Vec3::new(0.0, 0.0, -0.009)), 0.0), 1);
+        let turned = |normal: Vec3| ReprojectSurface { normal, ..here };
+        assert_eq!(test(turned(Vec3::new(0.6, 0.0, 0.8)), 0.0), 0);
+        // Trap: the square of the cosine accepts the back.
+        assert_eq!(test(turned(-Vec3::Z), 0.0), 0);
+        assert_eq!(here.normal.dot(-Vec3::Z).powi(2), 1.0);
+        assert_eq!(test(ReprojectSurface { mesh: 3, ..here }, 0.0), 0);
+        assert_eq!(test(ReprojectSurface { depth: 0.0, ..here }, 0.0), 0);
+        // On a ball of radius 1, a fifth of a radian aside.
+        let (sin, cos) = 0.2f32.sin_cos();
+        let ball = ReprojectSurface {
+            position: here.position + Vec3::new(sin, 0.0, cos - 1.0),
+            normal: Vec3::new(sin, 0.0, cos),
+            ..here
+        };
+        assert_eq!((test(ball, 1.0), test(ball, 0.0)), (1, 0));
+    }
+
+    #[test]
+    fn gathered_history_is_between_its_texels_and_never_longer() {
+        let size = UVec2::new(9, 7);
+        let mut next = numbers(5);
+        let values: Vec<f32> = every(size).map(|_| next()).collect();
+        let lengths: Vec<f32> = every(size).map(|_| (next() * 40.0).floor()).collect();
+        let index = |at: UVec2| (at.y * size.x + at.x) as usize;
+        let most = |v: &[f32]| v.iter().copied().fold(f32::MIN, f32::max);
+        let least = |v: &[f32]| v.iter().copied().fold(f32::MAX, f32::min);
+        for k in 0..5000u32 {
+            let pixel = UVec2::new(k % 9, k / 9 % 7);
+            let motion = Vec2::new(next(), next()) * 4.0 - 2.0;
+            let taps = reproject_footprint(pixel, size, motion);
+            let found = reproject_gather(taps, |at| ReprojectHistory {
+                value: values[index(at)],
+                length: lengths[index(at)],
+            });
+            if found.length == 0.0 {
+                continue;
+            }
+            let used: Vec<usize> = listed(taps)
+                .iter()
+                .map(|t| index(t.0))
+                .filter(|i| lengths[*i] > 0.0)
+                .collect();
+            let of = |v: &[f32]| used.iter().map(|i| v[*i]).collect::<Vec<_>>();
+            let (v, l) = (of(&values), of(&lengths));
+            assert!(found.value <= most(&v) && found.value >= least(&v));
+            assert!(found.length <= most(&l) && found.length >= least(&l));
+            // A constant comes out as it is.
+            let constant = reproject_gather(taps, |at| ReprojectHistory {
+                value: Vec3::new(0.1, 3.3, 1000.1),
+                length: lengths[index(at)].min(1.0) * 5.0,
+            });
+            assert_eq!(constant.value, Vec3::new(0.1, 3.3, 1000.1));
+            assert_eq!(constant.length, 5.0);
+            // Exposure: exact for powers of two.
+            for factor in [1024.0, 1.0 / 1024.0] {
+                let scaled = reproject_gather(taps, |at| ReprojectHistory {
+                    value: values[index(at)] * factor,
+                    length: lengths[index(at)],
+                });
+                assert_eq!(scaled.value, found.value * factor);
+            }
+        }
+        // A texel without history may hold anything.
+        let taps = reproject_footprint(UVec2::ONE, size, Vec2::splat(0.5));
+        let found = reproject_gather(taps, |at| ReprojectHistory {
+            value: if at.x == 1 { f32::NAN } else { 2.0 },
+            length: if at.x == 1 { 0.0 } else { 3.0 },
+        });
+        assert_eq!((found.value, found.length), (2.0, 3.0));
+    }
+
+    #[test]
+    fn colours_are_weighed_by_their_distance_either_way() {
+        let mean = Vec3::new(0.5, 0.25, 0.75);
+        let deviation = Vec3::splat(0.125);
+        let weight = |color: Vec3| reproject_color_weight(color, mean, deviation);
+        assert_eq!(weight(mean), 1.0);
+        assert!((weight(mean + 0.125) - 2f32.powi(-10)).abs() < 1e-7);
+        assert_eq!(weight(mean + 0.125), weight(mean - 0.125));
+        // Traps of the printed form: a darker pixel has a weight above 1, a
+        // deviation of 0 none at all.
+        let printed =
+            |color: Vec3, deviation: Vec3| (-10.0 * luminance((color - mean) / deviation)).exp2();
+        assert!(printed(mean - 0.125, deviation) > 1000.0);
+        assert!(printed(mean, Vec3::ZERO).is_nan());
+        assert_eq!(reproject_color_weight(mean, mean, Vec3::ZERO), 1.0);
+        // Exposure changes nothing, neither with nor without a deviation.
+        for k in [1.0 / 1024.0, 64.0] {
+            for deviation in [deviation, Vec3::ZERO] {
+                let color = mean * 1.01;
+                assert_eq!(
+                    reproject_color_distance(color * k, mean * k, deviation * k),
+                    reproject_color_distance(color, mean, deviation)
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn shares_sum_to_one_and_blends_keep_what_there_is() {
+        for (a, b) in [(0.0, 0.0), (0.3, 0.1), (90.0, 96.0), (0.0, 96.0)] {
+            let sum = reproject_share(a, b) + reproject_share(b, a);
+            assert!((sum - 1.0).abs() < 1e-6);
+            assert!((a <= b) == (reproject_share(a, b) <= 0.5));
+        }
+        let of = |value: f32, length: f32| ReprojectHistory { value, length };
+        let kept = of(0.7, 3.0);
+        assert_eq!(reproject_blend(kept, of(f32::NAN, 0.0), 0.5), kept);
+        assert_eq!(reproject_blend(of(f32::NAN, 0.0), kept, 0.5), kept);
+        for k in 0..=64u8 {
+            let share = f32::from(k) / 64.0;
+            assert_eq!(
+                reproject_blend(of(0.1, 7.0), of(0.1, 7.0), share),
+                of(0.1, 7.0)
+            );
+            let blend = reproject_blend(of(1.0, 4.0), of(2.0, 16.0), share);
+            assert!((blend.value - (1.0 + share)).abs() < 1e-6);
+            assert!((4.0..=16.0).contains(&blend.length));
+        }
+    }
+
+    #[test]
+    fn one_neighbour_speaks_for_both_directions() {
+        // A column of pixels of a ball of radius 4: none across.
+        let size = UVec2::new(1, 5);
+        let read = |at: UVec2| {
+            let (sin, cos) = ((at.y as f32 - 2.0) * 0.05).sin_cos();
+            ReprojectSurface {
+                position: Vec3::new(0.0, -4.0 * sin, 4.0 * cos),
+                depth: 9.0,
+                normal: Vec3::new(0.0, -sin, cos),
+                mesh: 1,
+            }
+        };
+        for parallax in [Vec2::X, Vec2::Y, Vec2::new(1.0, 1e-9), Vec2::new(-2.0, 1.0)] {
+            let bend = reproject_bend(UVec2::new(0, 2), size, parallax, read);
+            let curvature = reproject_curvature(bend.along, bend.turn);
+            assert!((curvature - 0.25).abs() < 1e-5, "{parallax}: {curvature}");
         }
     }
 }
