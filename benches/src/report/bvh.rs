@@ -286,7 +286,7 @@ fn open<'a>(
 }
 
 /// The four sets of rays behind the rates.
-struct RaySets {
+pub struct RaySets {
     primary: Vec<Ray>,
     shadow: Vec<Ray>,
     diffuse: Vec<Ray>,
@@ -303,7 +303,8 @@ impl RaySets {
     /// Camera rays in scan order of a picture of `count` pixels, and from the
     /// points that they hit one ray of each other kind; where fewer hit, the
     /// points are taken again.
-    fn new(scene: &Scene, bvh: &Bvh, count: usize) -> Self {
+    #[must_use]
+    pub fn new(scene: &Scene, bvh: &Bvh, count: usize) -> Self {
         let width = ((count as f64).sqrt() * (4.0f64 / 3.0).sqrt()).max(1.0) as usize;
         let height = count.div_ceil(width);
         let camera = camera(scene, width, height);
@@ -358,7 +359,8 @@ impl RaySets {
     }
 
     /// Name, rays, and whether any hit will do, in the order of [`Rates`].
-    fn all(&self) -> [(&[Ray], bool); 4] {
+    #[must_use]
+    pub fn all(&self) -> [(&[Ray], bool); 4] {
         [
             (&self.primary, false),
             (&self.shadow, true),

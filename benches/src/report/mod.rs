@@ -5,7 +5,7 @@
 //! files. Kernels come from the registry, traversal engines from `bvh`,
 //! pictures and convergence from [`crate::stages`].
 
-mod bvh;
+pub mod bvh;
 mod error;
 mod filters;
 pub mod kernels;

@@ -5,4 +5,5 @@
 //! compiler turns into vector code. With the feature `rayon` rows run in
 //! parallel.
 
+pub mod bvh8;
 pub mod svgf;

@@ -1,0 +1,182 @@
+//! Rays per second through the tree of eight, beside Embree and the scalar twin.
+//!
+//! `cargo run --release -p raytwin-bench --example rays -- MESH… [--rays N] [--rounds N]`
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+use raytwin_bench::report::bvh::{RaySets, generated};
+use raytwin_cpu::pass::bvh8::{Bvh8, Level};
+use raytwin_cpu::ray::bvh::{BVH_MISS, bvh_any, bvh_closest};
+use raytwin_cpu::ray::ray::Ray;
+use raytwin_tests::embree::{EmbreeOptions, EmbreeRay, EmbreeScene};
+use raytwin_tests::rays::meshes;
+use raytwin_tests::scene::{Mesh, Scene, sponza_path};
+
+fn load(name: &str) -> Scene {
+    let whole = |mesh: meshes::Mesh, like: &str| {
+        let mut scene = generated(like).expect("generated");
+        scene.name = name.into();
+        scene.mesh = Mesh {
+            positions: mesh.positions,
+            indices: mesh.indices,
+            skipped: 0,
+        };
+        scene
+    };
+    match name {
+        "kitchen" => Scene::kitchen().expect("kitchen"),
+        "toy" => Scene::toy_room(),
+        "sponza" => Scene::load(sponza_path().expect("sponza")).expect("sponza"),
+        "sphere10k" => whole(meshes::displaced_sphere(10_000), "sphere"),
+        "sphere1m" => whole(meshes::displaced_sphere(1_000_000), "sphere"),
+        "terrain10k" => whole(meshes::terrain(10_000), "terrain"),
+        "terrain1m" => whole(meshes::terrain(1_000_000), "terrain"),
+        _ => generated(name).expect("a mesh"),
+    }
+}
+
+fn time(rays: &[Ray], f: &dyn Fn(&[Ray]) -> usize) -> (f64, usize) {
+    let start = Instant::now();
+    let n = f(black_box(rays));
+    (start.elapsed().as_secs_f64(), black_box(n))
+}
+
+type Sweep<'a> = Box<dyn Fn(&[Ray]) -> usize + 'a>;
+
+fn main() {
+    let mut names = Vec::new();
+    let (mut count, mut rounds) = (1usize << 16, 7usize);
+    let (mut only, mut quality) = (String::new(), BuildQuality::Medium);
+    let mut args = std::env::args().skip(1);
+    while let Some(a) = args.next() {
+        match a.as_str() {
+            "--rays" => count = args.next().and_then(|v| v.parse().ok()).expect("a number"),
+            "--rounds" => rounds = args.next().and_then(|v| v.parse().ok()).expect("a number"),
+            "--only" => only = args.next().expect("a name"),
+            "--fast" => quality = BuildQuality::Fast,
+            "--fastest" => quality = BuildQuality::Fastest,
+            "--slow" => quality = BuildQuality::VerySlow,
+            _ => names.push(a),
+        }
+    }
+    let mut sums: Vec<(String, [f64; 4], usize)> = Vec::new();
+    for name in names {
+        let scene = load(&name);
+        let mesh = &scene.mesh;
+        let start = Instant::now();
+        let bvh = Bvh::build(&mesh.positions, &mesh.indices, quality).expect("a tree");
+        let binary_ms = start.elapsed().as_secs_f64() * 1e3;
+        let start = Instant::now();
+        let wide = Bvh8::new(bvh.view()).expect("a tree");
+        let collapse_ms = start.elapsed().as_secs_f64() * 1e3;
+        let positions: Vec<_> = mesh.positions.iter().map(|p| p.to_array()).collect();
+        let embree = |robust| {
+            let options = EmbreeOptions {
+                robust,
+                threads: 1,
+                ..EmbreeOptions::default()
+            };
+            EmbreeScene::new(&positions, &mesh.indices, options).expect("Embree")
+        };
+        let (plain, robust) = (embree(false), embree(true));
+        println!(
+            "{name}: {} triangles, binary {binary_ms:.1} ms, collapse {collapse_ms:.1} ms, \
+             Embree {:.1} ms, {:.0} bytes a triangle, {}",
+            mesh.indices.len(),
+            plain.build_time().as_secs_f64() * 1e3,
+            wide.bytes() as f64 / mesh.indices.len() as f64,
+            wide.statistics(),
+        );
+        let sets = RaySets::new(&scene, &bvh, count);
+        let ray = |r: &Ray| EmbreeRay {
+            origin: r.origin.to_array(),
+            direction: r.direction.to_array(),
+            t_min: r.t_min,
+            t_max: r.t_max,
+        };
+        let view = bvh.view();
+        let wides: Vec<(String, Bvh8)> = Level::all()
+            .into_iter()
+            .map(|l| (format!("wide {}", l.name()), wide.clone().with_level(l)))
+            .collect();
+        let mut engines: Vec<(String, [Sweep; 2])> = vec![
+            (
+                "Embree".into(),
+                [
+                    Box::new(|rs| rs.iter().filter(|r| plain.intersect(&ray(r)).is_some()).count()),
+                    Box::new(|rs| rs.iter().filter(|r| plain.occluded(&ray(r))).count()),
+                ],
+            ),
+            (
+                "Embree robust".into(),
+                [
+                    Box::new(|rs| rs.iter().filter(|r| robust.intersect(&ray(r)).is_some()).count()),
+                    Box::new(|rs| rs.iter().filter(|r| robust.occluded(&ray(r))).count()),
+                ],
+            ),
+            (
+                "binary".into(),
+                [
+                    Box::new(|rs| {
+                        rs.iter()
+                            .filter(|r| bvh_closest(&view, **r).primitive != BVH_MISS)
+                            .count()
+                    }),
+                    Box::new(|rs| rs.iter().filter(|r| bvh_any(&view, **r) != 0).count()),
+                ],
+            ),
+        ];
+        for (name, wide) in &wides {
+            engines.push((
+                name.clone(),
+                [
+                    Box::new(|rs| {
+                        rs.iter()
+                            .filter(|r| wide.closest(**r).primitive != BVH_MISS)
+                            .count()
+                    }),
+                    Box::new(|rs| rs.iter().filter(|r| wide.any(**r)).count()),
+                ],
+            ));
+        }
+        engines.retain(|e| e.0 == "Embree" || only.is_empty() || e.0.contains(&only));
+        let mut best = vec![[f64::INFINITY; 4]; engines.len()];
+        for _ in 0..rounds {
+            for (k, (rays, any)) in sets.all().into_iter().enumerate() {
+                for ((_, f), best) in engines.iter().zip(&mut best) {
+                    best[k] = best[k].min(time(rays, &f[usize::from(any)]).0);
+                }
+            }
+        }
+        for ((name, _), b) in engines.iter().zip(&best) {
+            let ratio: [f64; 4] = std::array::from_fn(|k| best[0][k] / b[k]);
+            let mrays = b.map(|s| count as f64 / s * 1e-6);
+            println!(
+                "  {name:16} {:6.2} {:6.2} {:6.2} {:6.2} Mrays/s   {:.2} {:.2} {:.2} {:.2}  mean {:.2}",
+                mrays[0], mrays[1], mrays[2], mrays[3], ratio[0], ratio[1], ratio[2], ratio[3],
+                ratio.iter().product::<f64>().powf(0.25)
+            );
+            let sum = match sums.iter_mut().position(|s| s.0 == *name) {
+                Some(i) => &mut sums[i],
+                None => {
+                    sums.push((name.clone(), [0.0; 4], 0));
+                    sums.last_mut().expect("just pushed")
+                }
+            };
+            for k in 0..4 {
+                sum.1[k] += ratio[k].ln();
+            }
+            sum.2 += 1;
+        }
+    }
+    for (name, logs, n) in sums {
+        let m = logs.map(|l| (l / n as f64).exp());
+        println!(
+            "{name:18} primary {:.2} shadow {:.2} diffuse {:.2} ao {:.2}  all {:.3}",
+            m[0], m[1], m[2], m[3],
+            m.iter().product::<f64>().powf(0.25)
+        );
+    }
+}

@@ -1,0 +1,299 @@
+//! From a binary tree to nodes of eight children.
+
+use glam::Vec3;
+
+use super::{BLOCK, Block, Bvh8, Bvh8Fault, LEAF, Level, Node};
+use crate::ray::bvh::{BVH_STACK, BvhNode, BvhTriangle, BvhView};
+
+/// What a node's test costs, in units of a leaf's.
+const NODE_COST: f32 = 1.0;
+
+/// No box at all: no ray is within it.
+const NOWHERE: f32 = f32::from_bits((127 + 126) << 23);
+
+const EMPTY_NODE: Node = Node {
+    planes: [[[NOWHERE; 8], [-NOWHERE; 8]]; 3],
+    children: [0; 8],
+    spare: [0; 8],
+};
+
+const EMPTY_BLOCK: Block = Block {
+    vertices: [[[0.0; BLOCK]; 3]; 3],
+    primitives: [u32::MAX; BLOCK],
+};
+
+/// The cheapest way to stand for a subtree.
+#[derive(Clone, Copy)]
+struct Plan {
+    /// Cost with at most `i + 1` roots.
+    cost: [f32; 7],
+    /// How many of `i + 2` roots go to the first child; 0: one root less does
+    /// as well. The last entry is for a node of eight.
+    split: [u8; 7],
+    /// As one root it is a leaf.
+    leaf: bool,
+    count: u32,
+}
+
+fn area(node: &BvhNode) -> f32 {
+    let d = node.max - node.min;
+    d.x * d.y + (d.y * d.z + d.z * d.x)
+}
+
+fn contains(node: &BvhNode, inner: &BvhNode) -> bool {
+    node.min.cmple(inner.min).all() && node.max.cmpge(inner.max).all()
+}
+
+/// Checks what the collapse relies on, so that no tree can make it loop or
+/// read outside, and returns the number of inner levels.
+fn check(tree: &BvhView<'_>) -> Result<(), Bvh8Fault> {
+    let nodes = tree.nodes;
+    let mut level = vec![0u8; nodes.len()];
+    for (i, node) in nodes.iter().enumerate() {
+        let at = i as u32;
+        if !(node.min.cmple(node.max).all() && node.min.is_finite() && node.max.is_finite()) {
+            return Err(Bvh8Fault::Box { node: at });
+        }
+        // Level 0 is an orphan's, but for the root.
+        if i > 0 && level[i] == 0 {
+            return Err(Bvh8Fault::Parents { node: at });
+        }
+        let first = node.first as usize;
+        if node.count > 0 {
+            let end = first.saturating_add(node.count as usize);
+            if end > tree.triangles.len() {
+                return Err(Bvh8Fault::Range { node: at });
+            }
+            continue;
+        }
+        if first <= i || first.saturating_add(1) >= nodes.len() {
+            return Err(Bvh8Fault::Child {
+                node: at,
+                child: node.first,
+            });
+        }
+        let below = level[i] + 1;
+        if usize::from(below) > BVH_STACK {
+            return Err(Bvh8Fault::Depth { node: at });
+        }
+        for child in [first, first + 1] {
+            if level[child] != 0 {
+                return Err(Bvh8Fault::Parents { node: child as u32 });
+            }
+            level[child] = below;
+            if !contains(node, &nodes[child]) {
+                return Err(Bvh8Fault::Box { node: child as u32 });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Costs from the leaves upwards. After Ylitie, Karras, Laine: Efficient
+/// Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs, HPG 2017,
+/// section 3.1, with a leaf of up to eight triangles at the price of one test.
+fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
+    const NONE: Plan = Plan {
+        cost: [0.0; 7],
+        split: [0; 7],
+        leaf: true,
+        count: 0,
+    };
+    let mut plans = vec![NONE; nodes.len()];
+    for i in (0..nodes.len()).rev() {
+        let node = &nodes[i];
+        let area = area(node);
+        if node.count > 0 {
+            plans[i] = Plan {
+                cost: [area * (node.count as usize).div_ceil(BLOCK) as f32; 7],
+                count: node.count,
+                ..NONE
+            };
+            continue;
+        }
+        let (left, right) = (plans[node.first as usize], plans[node.first as usize + 1]);
+        let mut out = NONE;
+        out.count = left.count.saturating_add(right.count);
+        let mut spread = [f32::INFINITY; 9];
+        for roots in 2..=8usize {
+            for first in 1..roots {
+                let cost = left.cost[first - 1] + right.cost[roots - first - 1];
+                if cost < spread[roots] {
+                    spread[roots] = cost;
+                    out.split[roots - 2] = first as u8;
+                }
+            }
+        }
+        let inner = spread[8] + area * NODE_COST;
+        let leaf = if out.count as usize <= BLOCK {
+            area
+        } else {
+            f32::INFINITY
+        };
+        out.leaf = leaf <= inner;
+        out.cost[0] = leaf.min(inner);
+        for roots in 2..=7usize {
+            out.cost[roots - 1] = spread[roots];
+            if spread[roots] >= out.cost[roots - 2] {
+                out.cost[roots - 1] = out.cost[roots - 2];
+                out.split[roots - 2] = 0;
+            }
+        }
+        plans[i] = out;
+    }
+    plans
+}
+
+struct Collapse<'a> {
+    tree: BvhView<'a>,
+    plans: Vec<Plan>,
+    nodes: Vec<Node>,
+    blocks: Vec<Block>,
+}
+
+impl Collapse<'_> {
+    /// The binary nodes that become the children of `node`.
+    fn children(&self, node: u32, out: &mut Vec<u32>) {
+        out.clear();
+        let mut todo = vec![];
+        self.forest(node, 8, true, &mut todo, out);
+    }
+
+    fn forest(
+        &self,
+        node: u32,
+        roots: usize,
+        open: bool,
+        todo: &mut Vec<(u32, usize)>,
+        out: &mut Vec<u32>,
+    ) {
+        let first = self.tree.nodes[node as usize].first;
+        let split = |node: u32, mut roots: usize| {
+            let plan = &self.plans[node as usize];
+            while roots > 1 {
+                let first = usize::from(plan.split[roots - 2]);
+                if first > 0 {
+                    return Some((first, roots - first));
+                }
+                roots -= 1;
+            }
+            None
+        };
+        debug_assert!(open);
+        let (l, r) = split(node, roots).unwrap_or((1, 1));
+        todo.push((first + 1, r));
+        todo.push((first, l));
+        while let Some((node, roots)) = todo.pop() {
+            let inner = self.tree.nodes[node as usize].count == 0;
+            match split(node, roots) {
+                Some((l, r)) if inner => {
+                    let first = self.tree.nodes[node as usize].first;
+                    todo.push((first + 1, r));
+                    todo.push((first, l));
+                }
+                _ => out.push(node),
+            }
+        }
+    }
+
+    /// The triangles below a node.
+    fn gather(&self, node: u32, out: &mut Vec<BvhTriangle>) {
+        out.clear();
+        let mut todo = vec![node];
+        while let Some(node) = todo.pop() {
+            let n = &self.tree.nodes[node as usize];
+            if n.count == 0 {
+                todo.extend([n.first + 1, n.first]);
+            } else {
+                let first = n.first as usize;
+                out.extend_from_slice(&self.tree.triangles[first..first + n.count as usize]);
+            }
+        }
+    }
+
+    /// Up to eight triangles as a block.
+    fn block(&mut self, triangles: &[BvhTriangle]) -> u32 {
+        let mut block = EMPTY_BLOCK;
+        for (k, t) in triangles.iter().enumerate().take(BLOCK) {
+            for (vertex, at) in [t.a, t.b, t.c].into_iter().enumerate() {
+                for axis in 0..3 {
+                    block.vertices[vertex][axis][k] = at[axis];
+                }
+            }
+            block.primitives[k] = t.primitive;
+        }
+        self.blocks.push(block);
+        (self.blocks.len() - 1) as u32 | LEAF
+    }
+
+    /// Triangles in one box, as one block or as nodes over blocks.
+    fn bunch(&mut self, low: Vec3, high: Vec3, triangles: &[BvhTriangle]) -> u32 {
+        if triangles.len() <= BLOCK {
+            return self.block(triangles);
+        }
+        let at = self.nodes.len();
+        self.nodes.push(EMPTY_NODE);
+        let mut part = BLOCK;
+        while part * 8 < triangles.len() {
+            part *= 8;
+        }
+        for (slot, triangles) in triangles.chunks(part).enumerate() {
+            let child = self.bunch(low, high, triangles);
+            self.nodes[at].set(slot, low, high, child);
+        }
+        at as u32
+    }
+
+    fn run(&mut self) -> u32 {
+        if self.tree.nodes.is_empty() {
+            return 0;
+        }
+        let mut children = Vec::new();
+        let mut triangles = Vec::new();
+        let is_leaf = |plans: &[Plan], node: u32| plans[node as usize].leaf;
+        if is_leaf(&self.plans, 0) {
+            self.gather(0, &mut triangles);
+            let root = self.tree.nodes[0];
+            return self.bunch(root.min, root.max, &triangles);
+        }
+        self.nodes.push(EMPTY_NODE);
+        let mut todo = vec![(0u32, 0usize)];
+        while let Some((from, to)) = todo.pop() {
+            self.children(from, &mut children);
+            let start = todo.len();
+            for (slot, &child) in children.iter().enumerate() {
+                let BvhNode { min, max, .. } = self.tree.nodes[child as usize];
+                let index = if is_leaf(&self.plans, child) {
+                    self.gather(child, &mut triangles);
+                    self.bunch(min, max, &triangles)
+                } else {
+                    let index = self.nodes.len();
+                    self.nodes.push(EMPTY_NODE);
+                    todo.push((child, index));
+                    index as u32
+                };
+                self.nodes[to].set(slot, min, max, index);
+            }
+            todo[start..].reverse();
+        }
+        0
+    }
+}
+
+/// Collapses a binary tree.
+pub(super) fn collapse(tree: BvhView<'_>) -> Result<Bvh8, Bvh8Fault> {
+    check(&tree)?;
+    let mut collapse = Collapse {
+        tree,
+        plans: plan(tree.nodes),
+        nodes: Vec::new(),
+        blocks: Vec::new(),
+    };
+    let root = collapse.run();
+    Ok(Bvh8 {
+        nodes: collapse.nodes,
+        blocks: collapse.blocks,
+        root,
+        level: Level::best(),
+    })
+}
