@@ -6,10 +6,10 @@ use super::ray::Ray;
 use crate::math::vector::vec3_dot;
 
 /// Smallest denominator that the divisions of this group accept: 2^-120.
-pub(super) const PLANE_TINY: f32 = f32::from_bits((127 - 120) << 23);
+pub(crate) const PLANE_TINY: f32 = f32::from_bits((127 - 120) << 23);
 
 /// Largest quotient that the divisions of this group give is below 2^100.
-pub(super) const PLANE_RATIO: f32 = f32::from_bits((127 - 100) << 23);
+pub(crate) const PLANE_RATIO: f32 = f32::from_bits((127 - 100) << 23);
 
 /// Where a ray meets a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -93,6 +93,8 @@ fn check(tree: &BvhView<'_>) -> Result<(), Bvh8Fault> {
 /// Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs, HPG 2017,
 /// section 3.1, with a leaf of up to eight triangles at the price of one test.
 fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
+    let e = |n: &str, d: f32| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
+    let (base, each, node_cost) = (e("BASE", 1.0), e("EACH", 0.0), e("NODE", 1.0));
     const NONE: Plan = Plan {
         cost: [0.0; 7],
         split: [0; 7],
@@ -105,7 +107,7 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
         let area = area(node);
         if node.count > 0 {
             plans[i] = Plan {
-                cost: [area * (node.count as usize).div_ceil(BLOCK) as f32; 7],
+                cost: [area * ((node.count as usize).div_ceil(BLOCK) as f32 * base + each * node.count as f32); 7],
                 count: node.count,
                 ..NONE
             };
@@ -124,9 +126,9 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
                 }
             }
         }
-        let inner = spread[8] + area * NODE_COST;
+        let inner = spread[8] + area * node_cost;
         let leaf = if out.count as usize <= BLOCK {
-            area
+            area * (base + each * out.count as f32)
         } else {
             f32::INFINITY
         };

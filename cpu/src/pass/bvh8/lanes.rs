@@ -10,12 +10,17 @@ pub(super) trait Lanes: Copy {
     type F: Copy;
     /// Eight answers.
     type M: Copy;
+    /// Whether [`Self::mul_add`] is one instruction.
+    const FUSED: bool;
     fn load(self, from: &[f32; 8]) -> Self::F;
     fn splat(self, value: f32) -> Self::F;
     fn store(self, value: Self::F, to: &mut [f32; 8]);
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a · b + c`, rounded once. Only where [`Self::FUSED`] says so, and only
+    /// for boxes: hits are never computed with it.
+    fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// `if a < b { a } else { b }`; for zeros of both signs and NaN either.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// `if a > b { a } else { b }`; for zeros of both signs and NaN either.
@@ -24,12 +29,34 @@ pub(super) trait Lanes: Copy {
     fn le(self, a: Self::F, b: Self::F) -> Self::M;
     /// `a < b`.
     fn lt(self, a: Self::F, b: Self::F) -> Self::M;
+    /// `a == b`.
+    fn eq(self, a: Self::F, b: Self::F) -> Self::M;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    fn abs(self, a: Self::F) -> Self::F;
+    fn select(self, mask: Self::M, yes: Self::F, no: Self::F) -> Self::F;
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
+    fn and(self, a: Self::M, b: Self::M) -> Self::M;
     /// Lane `i` as bit `i`.
     fn bits(self, mask: Self::M) -> u32;
+    /// Tests a block's triangles. Out of line, so that the numbers of the box
+    /// test keep their registers.
+    fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit);
+    /// The walk of a ray with a zero in its direction, if others are fused.
+    fn walk_parallel<const ANY: bool>(
+        self,
+        nodes: &[Node],
+        blocks: &[Block],
+        root: u32,
+        ray: &LeafRay,
+        t_max: f32,
+    ) -> BvhHit;
     /// Asks for the cache line of something that is read soon.
     fn prefetch<T>(self, _at: &T) {}
 }
+
+use super::{Block, Node};
+use super::walk::{self, LeafRay};
+use crate::ray::bvh::BvhHit;
 
 /// Arrays and loops, for every processor.
 #[derive(Clone, Copy)]
@@ -38,6 +65,11 @@ pub(super) struct Portable;
 impl Lanes for Portable {
     type F = [f32; 8];
     type M = [bool; 8];
+    const FUSED: bool = false;
+    #[inline(always)]
+    fn mul_add(self, a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
     #[inline(always)]
     fn load(self, from: &[f32; 8]) -> [f32; 8] {
         *from
@@ -79,6 +111,26 @@ impl Lanes for Portable {
         std::array::from_fn(|i| a[i] < b[i])
     }
     #[inline(always)]
+    fn eq(self, a: [f32; 8], b: [f32; 8]) -> [bool; 8] {
+        std::array::from_fn(|i| a[i] == b[i])
+    }
+    #[inline(always)]
+    fn div(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|i| a[i] / b[i])
+    }
+    #[inline(always)]
+    fn abs(self, a: [f32; 8]) -> [f32; 8] {
+        a.map(f32::abs)
+    }
+    #[inline(always)]
+    fn select(self, mask: [bool; 8], yes: [f32; 8], no: [f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|i| if mask[i] { yes[i] } else { no[i] })
+    }
+    #[inline(always)]
+    fn and(self, a: [bool; 8], b: [bool; 8]) -> [bool; 8] {
+        std::array::from_fn(|i| a[i] & b[i])
+    }
+    #[inline(always)]
     fn or(self, a: [bool; 8], b: [bool; 8]) -> [bool; 8] {
         std::array::from_fn(|i| a[i] | b[i])
     }
@@ -86,11 +138,25 @@ impl Lanes for Portable {
     fn bits(self, mask: [bool; 8]) -> u32 {
         (0..8).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
     }
+    fn walk_parallel<const ANY: bool>(
+        self,
+        nodes: &[Node],
+        blocks: &[Block],
+        root: u32,
+        ray: &LeafRay,
+        t_max: f32,
+    ) -> BvhHit {
+        walk::walk_planes::<_, ANY, false>(self, nodes, blocks, root, ray, t_max)
+    }
+    #[inline(never)]
+    fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+        walk::leaf(self, block, ray, best);
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86 {
-    use super::Lanes;
+    use super::{Block, BvhHit, Lanes, Node, LeafRay, walk};
     use std::arch::x86_64::*;
 
     /// The features that [`Avx2`] stands for are those of its walk in
@@ -107,12 +173,36 @@ pub(super) mod x86 {
         }
     }
 
+    #[inline(never)]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn leaf_avx2(l: Avx2, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+        walk::leaf(l, block, ray, best);
+    }
+
+    #[inline(never)]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn parallel_avx2<const ANY: bool>(
+        l: Avx2,
+        nodes: &[Node],
+        blocks: &[Block],
+        root: u32,
+        ray: &LeafRay,
+        t_max: f32,
+    ) -> BvhHit {
+        walk::walk_planes::<_, ANY, false>(l, nodes, blocks, root, ray, t_max)
+    }
+
     // SAFETY of every block below: whoever holds an `Avx2` has promised, in
     // `assume`, that the processor has AVX2; loads and stores go to arrays of
     // eight and need no alignment.
     impl Lanes for Avx2 {
         type F = __m256;
         type M = __m256;
+        const FUSED: bool = true;
+        #[inline(always)]
+        fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+            unsafe { _mm256_fmadd_ps(a, b, c) }
+        }
         #[inline(always)]
         fn load(self, from: &[f32; 8]) -> __m256 {
             unsafe { _mm256_loadu_ps(from.as_ptr()) }
@@ -154,12 +244,47 @@ pub(super) mod x86 {
             unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
         }
         #[inline(always)]
+        fn eq(self, a: __m256, b: __m256) -> __m256 {
+            unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(a, b) }
+        }
+        #[inline(always)]
+        fn div(self, a: __m256, b: __m256) -> __m256 {
+            unsafe { _mm256_div_ps(a, b) }
+        }
+        #[inline(always)]
+        fn abs(self, a: __m256) -> __m256 {
+            unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
+        }
+        #[inline(always)]
+        fn select(self, mask: __m256, yes: __m256, no: __m256) -> __m256 {
+            unsafe { _mm256_blendv_ps(no, yes, mask) }
+        }
+        #[inline(always)]
+        fn and(self, a: __m256, b: __m256) -> __m256 {
+            unsafe { _mm256_and_ps(a, b) }
+        }
+        #[inline(always)]
         fn or(self, a: __m256, b: __m256) -> __m256 {
             unsafe { _mm256_or_ps(a, b) }
         }
         #[inline(always)]
         fn bits(self, mask: __m256) -> u32 {
             unsafe { _mm256_movemask_ps(mask) as u32 }
+        }
+        #[inline(always)]
+        fn walk_parallel<const ANY: bool>(
+            self,
+            nodes: &[Node],
+            blocks: &[Block],
+            root: u32,
+            ray: &LeafRay,
+            t_max: f32,
+        ) -> BvhHit {
+            unsafe { parallel_avx2::<ANY>(self, nodes, blocks, root, ray, t_max) }
+        }
+        #[inline(always)]
+        fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+            unsafe { leaf_avx2(self, block, ray, best) }
         }
         #[inline(always)]
         fn prefetch<T>(self, at: &T) {

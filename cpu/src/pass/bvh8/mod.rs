@@ -72,6 +72,7 @@ impl Level {
         let mut all = vec![Self(Kind::Portable)];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
             && is_x86_feature_detected!("bmi1")
             && is_x86_feature_detected!("bmi2")
             && is_x86_feature_detected!("lzcnt")
@@ -168,15 +169,11 @@ pub struct Bvh8 {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn walk_avx2(bvh: &Bvh8, ray: Ray, any: bool) -> BvhHit {
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray) -> BvhHit {
     // SAFETY: this function is only called where AVX2 is.
     let l = unsafe { lanes::x86::Avx2::assume() };
-    if any {
-        walk::walk(l, &bvh.nodes, &bvh.blocks, bvh.root, ray, true)
-    } else {
-        walk::walk(l, &bvh.nodes, &bvh.blocks, bvh.root, ray, false)
-    }
+    walk::walk::<_, ANY>(l, &bvh.nodes, &bvh.blocks, bvh.root, ray)
 }
 
 impl Bvh8 {
@@ -225,25 +222,27 @@ impl Bvh8 {
     }
 
     #[inline(always)]
-    fn walk(&self, ray: Ray, any: bool) -> BvhHit {
+    fn walk<const ANY: bool>(&self, ray: &Ray) -> BvhHit {
         match self.level.0 {
-            Kind::Portable => walk::walk(Portable, &self.nodes, &self.blocks, self.root, ray, any),
+            Kind::Portable => {
+                walk::walk::<_, ANY>(Portable, &self.nodes, &self.blocks, self.root, ray)
+            }
             // SAFETY: a `Level` is only made by `Level::all`, which has asked
             // the processor for each of the features.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => unsafe { walk_avx2(self, ray, any) },
+            Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray) },
         }
     }
 
     /// The closest triangle that a ray meets within its range, ends included.
     #[must_use]
     pub fn closest(&self, ray: Ray) -> BvhHit {
-        self.walk(ray, false)
+        self.walk::<false>(&ray)
     }
 
     /// Whether the ray meets any triangle within its range, ends included.
     #[must_use]
     pub fn any(&self, ray: Ray) -> bool {
-        self.walk(ray, true).primitive != BVH_MISS
+        self.walk::<true>(&ray).primitive != BVH_MISS
     }
 }

@@ -5,9 +5,11 @@ use std::mem::MaybeUninit;
 use super::lanes::Lanes;
 use super::{Block, LEAF, Node, STACK};
 use crate::ray::bvh::{BVH_MISS, BvhHit};
-use crate::ray::ray::{Ray, RayShear, ray_shear};
-use crate::ray::triangle::triangle_intersect_sheared;
-use glam::Vec3;
+use crate::ray::ray::{RAY_FLUSH, RAY_SLACK, Ray, RayShear};
+use crate::ray::aabb::AABB_WIDEN;
+use crate::ray::plane::{PLANE_RATIO, PLANE_TINY};
+use crate::ray::triangle::{TRIANGLE_PAD, triangle_intersect_sheared};
+use glam::{Vec2, Vec3};
 
 /// A postponed child: the bits of where the ray enters it, then what it is.
 type Entry = u64;
@@ -51,155 +53,401 @@ fn ordered(a: Entry, b: Entry) -> (Entry, Entry) {
     if a < b { (a, b) } else { (b, a) }
 }
 
-/// A prepared ray, its numbers in every lane.
+/// What the boxes need of a ray, in every lane.
 struct Prepared<L: Lanes> {
-    shear: RayShear,
-    t_min: f32,
-    near_origin: [L::F; 3],
+    /// Fused: what is added to the product of a near plane. Else the origin.
+    near_at: [L::F; 3],
     near_inverse: [L::F; 3],
-    far_origin: [L::F; 3],
+    /// The same for the far planes.
+    far_at: [L::F; 3],
     far_inverse: [L::F; 3],
     /// 1 where the direction is negative: the upper plane is the near one.
     sign: [usize; 3],
-    t_min_lanes: L::F,
-    slack: L::F,
-    /// The vertices' axes in the order of the shear.
-    axes: [usize; 3],
-    shear_origin: [L::F; 3],
-    shear_x: L::F,
-    shear_y: L::F,
+    t_min: L::F,
 }
 
-/// The far end is widened once more than in `aabb_slab`, by 2^-21, since here
-/// the factor is part of the reciprocal.
-const WIDEN: f32 = 1.0 + 1.0 / 262_144.0 + 1.0 / 2_097_152.0;
+/// What the triangles need of a ray.
+pub(super) struct LeafRay {
+    shear: RayShear,
+    /// The vertices' axes in the order of the shear.
+    axes: [usize; 3],
+    origin: [f32; 3],
+    t_min: f32,
+}
+
+/// [`ray_shear`] without branches: the same operations on the same numbers.
+#[inline(always)]
+fn shear_of(ray: &Ray) -> LeafRay {
+    let flush = |v: f32| if v.abs() < RAY_FLUSH { 0.0 } else { v };
+    let d = [
+        flush(ray.direction.x),
+        flush(ray.direction.y),
+        flush(ray.direction.z),
+    ];
+    let zero = [d[0] == 0.0, d[1] == 0.0, d[2] == 0.0];
+    let inverse = [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]];
+    let inverse = [
+        if zero[0] { 0.0 } else { inverse[0] },
+        if zero[1] { 0.0 } else { inverse[1] },
+        if zero[2] { 0.0 } else { inverse[2] },
+    ];
+    let (x, y, z) = (d[0].abs(), d[1].abs(), d[2].abs());
+    let last = u32::from((z >= x) & (z >= y));
+    let axis = 2 * last + (1 - last) * u32::from(y >= x);
+    let [kx, ky, kz] = AXES[axis as usize & 3];
+    let largest = if d[kz] == 0.0 { 1.0 } else { d[kz] };
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let steepest = larger(
+        larger(inverse[0].abs(), inverse[1].abs()),
+        larger(inverse[2].abs(), 1.0),
+    );
+    LeafRay {
+        shear: RayShear {
+            origin: ray.origin,
+            direction: d.into(),
+            inverse: inverse.into(),
+            shear: Vec2::new(d[kx] / largest, d[ky] / largest),
+            axis,
+            parallel: u32::from(zero[0] | zero[1] | zero[2]),
+            slack: RAY_SLACK * steepest,
+        },
+        axes: [kx, ky, kz],
+        origin: ray.origin.to_array(),
+        t_min: ray.t_min,
+    }
+}
+
+/// By the largest component: the axes in the order of the shear.
+const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 #[inline(always)]
 fn splat3<L: Lanes>(l: L, v: Vec3) -> [L::F; 3] {
     [l.splat(v.x), l.splat(v.y), l.splat(v.z)]
 }
 
+/// The boxes' part of a ray.
+///
+/// A box must let through what the triangles' own boxes let through, so here
+/// both ends have a margin beyond that of `aabb_slab`. With `u = 2^-24`, and X
+/// the exact distance `(plane - origin) · inverse`, the triangle's own near
+/// end is at least `X - 2u |X|` and its far end, widened, at most
+/// `X (1 + 2^-18) (1 + 4u) + slack`.
+///
+/// - Not fused: the same two operations as in `aabb_slab`, which are monotone.
+///   The far reciprocal is widened by 2^-21 more than the far end, so that the
+///   rounding of the factor is covered, and the slack is counted twice, so
+///   that it is covered for a negative X too.
+/// - Fused: `plane · inverse - origin · inverse` errs by `u |X|` and by
+///   `2u |origin · inverse|`. The reciprocals make up for the first, by 2^-21
+///   on each side, and four times the second is added.
+///
+/// Along a zero component the reciprocal is infinite, and nothing is fused: a
+/// slab that holds the origin is everything, another is nothing, and a plane
+/// through the origin gives a NaN, which `min` and `max` in [`enter`] leave
+/// out.
 #[inline(always)]
-fn prepare<L: Lanes>(l: L, ray: Ray) -> Prepared<L> {
-    let shear = ray_shear(ray);
-    let sign = [
-        usize::from(shear.direction.x < 0.0),
-        usize::from(shear.direction.y < 0.0),
-        usize::from(shear.direction.z < 0.0),
-    ];
-    let mut near_origin = shear.origin;
-    let mut far_origin = shear.origin;
-    let mut inverse = shear.inverse;
-    if shear.parallel != 0 {
-        // Along a zero component a slab that holds the origin, ends included,
-        // is everything: its planes must not be at distance zero.
-        for k in 0..3 {
-            if shear.direction[k] == 0.0 {
-                near_origin[k] = near_origin[k].next_up();
-                far_origin[k] = far_origin[k].next_down();
-                inverse[k] = f32::INFINITY;
-            }
-        }
+fn prepare<L: Lanes, const FUSED: bool>(l: L, ray: &LeafRay) -> Prepared<L> {
+    const NEAR: f32 = 1.0 - 1.0 / 2_097_152.0;
+    const FAR: f32 = 1.0 + 1.0 / 262_144.0 + 1.0 / 2_097_152.0;
+    const UNIT: f32 = 1.0 / 16_777_216.0;
+    let (o, d) = (ray.shear.origin, ray.shear.direction);
+    let inverse = Vec3::new(1.0 / d.x, 1.0 / d.y, 1.0 / d.z);
+    let slack = 2.0 * ray.shear.slack;
+    let (near, far, near_at, far_at);
+    if FUSED {
+        near = inverse * NEAR;
+        far = inverse * FAR;
+        let size = o.abs() * inverse.abs() * (8.0 * UNIT);
+        near_at = -(o * near) - size;
+        far_at = (size + slack) - o * far;
+    } else {
+        near = inverse;
+        far = inverse * FAR;
+        near_at = o;
+        far_at = o;
     }
-    let axes = match shear.axis {
-        0 => [1, 2, 0],
-        1 => [2, 0, 1],
-        _ => [0, 1, 2],
-    };
-    let o = shear.origin;
-    let far_inverse = inverse * WIDEN;
     Prepared {
-        t_min: ray.t_min,
-        near_origin: splat3(l, near_origin),
-        near_inverse: splat3(l, inverse),
-        far_origin: splat3(l, far_origin),
-        far_inverse: splat3(l, far_inverse),
-        sign,
-        // A zero must not be negative: distances are ordered by their bits.
-        t_min_lanes: l.splat(ray.t_min + 0.0),
-        slack: l.splat(2.0 * shear.slack),
-        axes,
-        shear_origin: [
-            l.splat(o[axes[0]]),
-            l.splat(o[axes[1]]),
-            l.splat(o[axes[2]]),
+        near_at: splat3(l, near_at),
+        near_inverse: splat3(l, near),
+        far_at: splat3(l, far_at),
+        far_inverse: splat3(l, far),
+        sign: [
+            usize::from(d.x < 0.0),
+            usize::from(d.y < 0.0),
+            usize::from(d.z < 0.0),
         ],
-        shear_x: l.splat(shear.shear.x),
-        shear_y: l.splat(shear.shear.y),
-        shear,
+        // A zero must not be negative: distances are ordered by their bits.
+        t_min: l.splat(ray.t_min + 0.0),
     }
 }
 
 #[inline(always)]
-fn near<L: Lanes>(l: L, node: &Node, ray: &Prepared<L>, k: usize) -> L::F {
-    let plane = l.load(&node.planes[k][ray.sign[k]]);
-    l.mul(l.sub(plane, ray.near_origin[k]), ray.near_inverse[k])
+fn plane<L: Lanes, const FUSED: bool>(l: L, plane: L::F, at: L::F, inverse: L::F) -> L::F {
+    if FUSED {
+        l.mul_add(plane, inverse, at)
+    } else {
+        l.mul(l.sub(plane, at), inverse)
+    }
 }
 
 #[inline(always)]
-fn far<L: Lanes>(l: L, node: &Node, ray: &Prepared<L>, k: usize) -> L::F {
-    let plane = l.load(&node.planes[k][1 - ray.sign[k]]);
-    l.mul(l.sub(plane, ray.far_origin[k]), ray.far_inverse[k])
+fn near<L: Lanes, const FUSED: bool>(l: L, node: &Node, ray: &Prepared<L>, k: usize) -> L::F {
+    let planes = l.load(&node.planes[k][ray.sign[k]]);
+    plane::<L, FUSED>(l, planes, ray.near_at[k], ray.near_inverse[k])
+}
+
+#[inline(always)]
+fn far<L: Lanes, const FUSED: bool>(l: L, node: &Node, ray: &Prepared<L>, k: usize) -> L::F {
+    let planes = l.load(&node.planes[k][1 - ray.sign[k]]);
+    plane::<L, FUSED>(l, planes, ray.far_at[k], ray.far_inverse[k])
 }
 
 /// Which children the ray touches before `t_max`, and where it enters them.
+/// A NaN is always the first operand, and so is left out.
 #[inline(always)]
-fn enter<L: Lanes>(l: L, node: &Node, ray: &Prepared<L>, t_max: L::F) -> (u32, L::F) {
+fn enter<L: Lanes, const FUSED: bool>(
+    l: L,
+    node: &Node,
+    ray: &Prepared<L>,
+    t_max: L::F,
+    slack: L::F,
+) -> (u32, L::F) {
     let start = l.max(
-        l.max(near(l, node, ray, 0), near(l, node, ray, 1)),
-        l.max(near(l, node, ray, 2), ray.t_min_lanes),
+        l.max(near::<L, FUSED>(l, node, ray, 0), near::<L, FUSED>(l, node, ray, 1)),
+        l.max(near::<L, FUSED>(l, node, ray, 2), ray.t_min),
     );
     let end = l.min(
-        l.min(far(l, node, ray, 0), far(l, node, ray, 1)),
-        far(l, node, ray, 2),
+        l.min(far::<L, FUSED>(l, node, ray, 0), far::<L, FUSED>(l, node, ray, 1)),
+        l.min(far::<L, FUSED>(l, node, ray, 2), t_max),
     );
-    let end = l.add(end, ray.slack);
-    (l.bits(l.le(start, l.min(end, t_max))), start)
+    let end = if FUSED { end } else { l.add(end, slack) };
+    (l.bits(l.le(start, end)), start)
 }
 
 /// A vertex of each triangle, moved along the ray: `triangle_shear`.
 #[inline(always)]
-fn sheared<L: Lanes>(l: L, v: &[[f32; 8]; 3], ray: &Prepared<L>) -> (L::F, L::F) {
-    let x = l.sub(l.load(&v[ray.axes[0]]), ray.shear_origin[0]);
-    let y = l.sub(l.load(&v[ray.axes[1]]), ray.shear_origin[1]);
-    let z = l.sub(l.load(&v[ray.axes[2]]), ray.shear_origin[2]);
+fn sheared<L: Lanes>(l: L, v: &[[f32; 8]; 3], ray: &LeafRay) -> (L::F, L::F) {
+    let [kx, ky, kz] = ray.axes;
+    let x = l.sub(l.load(&v[kx]), l.splat(ray.origin[kx]));
+    let y = l.sub(l.load(&v[ky]), l.splat(ray.origin[ky]));
+    let z = l.sub(l.load(&v[kz]), l.splat(ray.origin[kz]));
     (
-        l.sub(x, l.mul(ray.shear_x, z)),
-        l.sub(y, l.mul(ray.shear_y, z)),
+        l.sub(x, l.mul(l.splat(ray.shear.shear.x), z)),
+        l.sub(y, l.mul(l.splat(ray.shear.shear.y), z)),
     )
 }
 
-/// Which of a block's triangles have edges that let the ray through: the first
-/// half of `triangle_intersect_sheared`.
-#[inline(always)]
-fn edges<L: Lanes>(l: L, block: &Block, ray: &Prepared<L>) -> u32 {
-    let a = sheared(l, &block.vertices[0], ray);
-    let b = sheared(l, &block.vertices[1], ray);
-    let c = sheared(l, &block.vertices[2], ray);
-    let (p, q) = (l.mul(b.0, c.1), l.mul(b.1, c.0));
-    let (r, s) = (l.mul(c.0, a.1), l.mul(c.1, a.0));
-    let (t, u) = (l.mul(a.0, b.1), l.mul(a.1, b.0));
-    let below = l.or(l.or(l.lt(p, q), l.lt(r, s)), l.lt(t, u));
-    let above = l.or(l.or(l.lt(q, p), l.lt(s, r)), l.lt(u, t));
-    l.bits(below) ^ l.bits(above)
+/// A vector in every lane.
+#[derive(Clone, Copy)]
+struct Wide<L: Lanes> {
+    x: L::F,
+    y: L::F,
+    z: L::F,
 }
 
 #[inline(always)]
-fn leaf<L: Lanes>(l: L, block: &Block, ray: &Prepared<L>, best: &mut BvhHit, any: bool) {
-    let mut through = edges(l, block, ray);
+fn minus<L: Lanes>(l: L, a: Wide<L>, b: Wide<L>) -> Wide<L> {
+    Wide {
+        x: l.sub(a.x, b.x),
+        y: l.sub(a.y, b.y),
+        z: l.sub(a.z, b.z),
+    }
+}
+
+/// `vec3_dot`.
+#[inline(always)]
+fn dot<L: Lanes>(l: L, a: Wide<L>, b: Wide<L>) -> L::F {
+    l.add(l.add(l.mul(a.x, b.x), l.mul(a.y, b.y)), l.mul(a.z, b.z))
+}
+
+/// `vec3_cross`.
+#[inline(always)]
+fn cross<L: Lanes>(l: L, a: Wide<L>, b: Wide<L>) -> Wide<L> {
+    Wide {
+        x: l.sub(l.mul(a.y, b.z), l.mul(a.z, b.y)),
+        y: l.sub(l.mul(a.z, b.x), l.mul(a.x, b.z)),
+        z: l.sub(l.mul(a.x, b.y), l.mul(a.y, b.x)),
+    }
+}
+
+#[inline(always)]
+fn select<L: Lanes>(l: L, mask: L::M, yes: Wide<L>, no: Wide<L>) -> Wide<L> {
+    Wide {
+        x: l.select(mask, yes.x, no.x),
+        y: l.select(mask, yes.y, no.y),
+        z: l.select(mask, yes.z, no.z),
+    }
+}
+
+/// One axis of the slab of the triangles' own boxes.
+#[inline(always)]
+fn slab_axis<L: Lanes>(l: L, low: L::F, high: L::F, pad: L::F, inverse: L::F) -> (L::F, L::F) {
+    let a = l.mul(l.sub(low, pad), inverse);
+    let b = l.mul(l.add(high, pad), inverse);
+    (l.min(b, a), l.max(b, a))
+}
+
+/// The least of three, as `aabb_min(aabb_min(a, b), c)`.
+#[inline(always)]
+fn min3<L: Lanes>(l: L, a: L::F, b: L::F, c: L::F) -> L::F {
+    l.min(c, l.min(b, a))
+}
+
+/// The largest of three, as `aabb_max(aabb_max(a, b), c)`.
+#[inline(always)]
+fn max3<L: Lanes>(l: L, a: L::F, b: L::F, c: L::F) -> L::F {
+    l.max(c, l.max(b, a))
+}
+
+#[inline(always)]
+fn vertex<L: Lanes>(l: L, v: &[[f32; 8]; 3]) -> Wide<L> {
+    Wide {
+        x: l.load(&v[0]),
+        y: l.load(&v[1]),
+        z: l.load(&v[2]),
+    }
+}
+
+/// Tests a block's triangles: `triangle_intersect_sheared`, the same
+/// operations on the same numbers, eight triangles at a time.
+#[inline(always)]
+pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+    let sa = sheared(l, &block.vertices[0], ray);
+    let sb = sheared(l, &block.vertices[1], ray);
+    let sc = sheared(l, &block.vertices[2], ray);
+    // The order of an edge's ends and the test for equal products, which guard
+    // the twin against fused operations, change no bit but a zero's sign here.
+    let (pa, qa) = (l.mul(sb.0, sc.1), l.mul(sb.1, sc.0));
+    let (pb, qb) = (l.mul(sc.0, sa.1), l.mul(sc.1, sa.0));
+    let (pc, qc) = (l.mul(sa.0, sb.1), l.mul(sa.1, sb.0));
+    let below = l.or(l.or(l.lt(pa, qa), l.lt(pb, qb)), l.lt(pc, qc));
+    let above = l.or(l.or(l.lt(qa, pa), l.lt(qb, pb)), l.lt(qc, pc));
+    let through = l.bits(below) ^ l.bits(above);
+    if through == 0 {
+        return;
+    }
+    let zero = l.splat(0.0);
+    let one = l.splat(1.0);
+    let (ea, eb, ec) = (l.sub(pa, qa), l.sub(pb, qb), l.sub(pc, qc));
+    let on_edge = l.or(l.or(l.eq(ea, zero), l.eq(eb, zero)), l.eq(ec, zero));
+    if ray.shear.parallel != 0 || l.bits(on_edge) & through != 0 {
+        // Zeros of either sign, and slabs without a division.
+        leaf_scalar(block, &ray.shear, ray.t_min, through, best);
+        return;
+    }
+
+    let origin = Wide {
+        x: l.splat(ray.shear.origin.x),
+        y: l.splat(ray.shear.origin.y),
+        z: l.splat(ray.shear.origin.z),
+    };
+    let a = vertex(l, &block.vertices[0]);
+    let b = vertex(l, &block.vertices[1]);
+    let c = vertex(l, &block.vertices[2]);
+    let (la, lb, lc) = (minus(l, a, origin), minus(l, b, origin), minus(l, c, origin));
+    let low = Wide::<L> {
+        x: min3(l, la.x, lb.x, lc.x),
+        y: min3(l, la.y, lb.y, lc.y),
+        z: min3(l, la.z, lb.z, lc.z),
+    };
+    let high = Wide::<L> {
+        x: max3(l, la.x, lb.x, lc.x),
+        y: max3(l, la.y, lb.y, lc.y),
+        z: max3(l, la.z, lb.z, lc.z),
+    };
+    let extent = minus(l, high, low);
+    let pad = l.mul(
+        max3(l, extent.x, extent.y, extent.z),
+        l.splat(TRIANGLE_PAD),
+    );
+    let x = slab_axis(l, low.x, high.x, pad, l.splat(ray.shear.inverse.x));
+    let y = slab_axis(l, low.y, high.y, pad, l.splat(ray.shear.inverse.y));
+    let z = slab_axis(l, low.z, high.z, pad, l.splat(ray.shear.inverse.z));
+    let near = max3(l, x.0, y.0, z.0);
+    let far = min3(l, x.1, y.1, z.1);
+    let widened = l.add(
+        l.mul(far, l.splat(AABB_WIDEN)),
+        l.splat(ray.shear.slack),
+    );
+    let own_box = l.le(near, widened);
+
+    let area = l.add(l.add(ea, eb), ec);
+    let divisor = l.select(l.eq(area, zero), one, area);
+    let u = l.min(one, l.max(zero, l.div(eb, divisor)));
+    let v = l.min(one, l.max(zero, l.div(ec, divisor)));
+
+    let (ab, bc, ca) = (minus(l, b, a), minus(l, c, b), minus(l, a, c));
+    let length_ab = dot(l, ab, ab);
+    let length_bc = dot(l, bc, bc);
+    let length_ca = dot(l, ca, ca);
+    let ca_longest = l.and(l.le(length_ab, length_ca), l.le(length_bc, length_ca));
+    let ab_longer = l.le(length_bc, length_ab);
+    let first = select(l, ca_longest, ab, select(l, ab_longer, bc, ca));
+    let second = select(l, ca_longest, bc, select(l, ab_longer, ca, ab));
+    let normal = cross(l, first, second);
+    let point = Wide::<L> {
+        x: l.sub(l.add(la.x, l.mul(ab.x, u)), l.mul(ca.x, v)),
+        y: l.sub(l.add(la.y, l.mul(ab.y, u)), l.mul(ca.y, v)),
+        z: l.sub(l.add(la.z, l.mul(ab.z, u)), l.mul(ca.z, v)),
+    };
+    let direction = Wide {
+        x: l.splat(ray.shear.direction.x),
+        y: l.splat(ray.shear.direction.y),
+        z: l.splat(ray.shear.direction.z),
+    };
+    let numerator = dot(l, normal, point);
+    let denominator = dot(l, normal, direction);
+    let size = l.abs(denominator);
+    let divides = l.and(
+        l.lt(l.mul(l.abs(numerator), l.splat(PLANE_RATIO)), size),
+        l.lt(l.splat(PLANE_TINY), size),
+    );
+    let plane = l.div(numerator, l.select(divides, denominator, one));
+    let along = l.select(divides, plane, near);
+    let t = l.max(near, l.min(far, along));
+    let range = l.and(
+        l.le(l.splat(ray.t_min), t),
+        l.le(t, l.splat(best.t)),
+    );
+    let mut hits = through & l.bits(l.and(own_box, range));
+    if hits == 0 {
+        return;
+    }
+    let (mut ts, mut us, mut vs) = (Row([0.0; 8]), Row([0.0; 8]), Row([0.0; 8]));
+    l.store(t, &mut ts.0);
+    l.store(u, &mut us.0);
+    l.store(v, &mut vs.0);
+    while hits != 0 {
+        let k = (hits.trailing_zeros() & 7) as usize;
+        hits &= hits - 1;
+        let primitive = block.primitives[k];
+        if ts.0[k] < best.t || (ts.0[k] == best.t && primitive < best.primitive) {
+            *best = BvhHit {
+                t: ts.0[k],
+                u: us.0[k],
+                v: vs.0[k],
+                primitive,
+            };
+        }
+    }
+}
+
+/// Eight numbers in one cache line.
+#[repr(align(32))]
+struct Row([f32; 8]);
+
+#[cold]
+#[inline(never)]
+fn leaf_scalar(block: &Block, shear: &RayShear, t_min: f32, mut through: u32, best: &mut BvhHit) {
     while through != 0 {
         let k = (through.trailing_zeros() & 7) as usize;
         through &= through - 1;
-        let v = &block.vertices;
-        let vertex = |i: usize| Vec3::new(v[i][0][k], v[i][1][k], v[i][2][k]);
-        let hit = triangle_intersect_sheared(
-            &ray.shear,
-            ray.t_min,
-            best.t,
-            vertex(0),
-            vertex(1),
-            vertex(2),
-        );
+        let corner = |i: usize| {
+            let v = &block.vertices[i];
+            Vec3::new(v[0][k], v[1][k], v[2][k])
+        };
+        let (a, b, c) = (corner(0), corner(1), corner(2));
+        let hit = triangle_intersect_sheared(shear, t_min, best.t, a, b, c);
         let primitive = block.primitives[k];
         if hit.hit != 0 && (hit.t < best.t || primitive < best.primitive) {
             *best = BvhHit {
@@ -208,9 +456,6 @@ fn leaf<L: Lanes>(l: L, block: &Block, ray: &Prepared<L>, best: &mut BvhHit, any
                 v: hit.v,
                 primitive,
             };
-            if any {
-                return;
-            }
         }
     }
 }
@@ -224,22 +469,43 @@ fn next(mask: &mut u32, starts: &[f32; 8], node: &Node) -> (Entry, bool) {
     (entry, *mask == 0)
 }
 
+/// Walks the tree. A ray with a zero in its direction needs planes that are
+/// not fused.
 #[inline(always)]
-pub(super) fn walk<L: Lanes>(
+pub(super) fn walk<L: Lanes, const ANY: bool>(
     l: L,
     nodes: &[Node],
     blocks: &[Block],
     root: u32,
-    ray: Ray,
-    any: bool,
+    ray: &Ray,
+) -> BvhHit {
+    let ray = (shear_of(ray), ray.t_max);
+    if !L::FUSED {
+        walk_planes::<L, ANY, false>(l, nodes, blocks, root, &ray.0, ray.1)
+    } else if ray.0.shear.parallel == 0 {
+        walk_planes::<L, ANY, true>(l, nodes, blocks, root, &ray.0, ray.1)
+    } else {
+        l.walk_parallel::<ANY>(nodes, blocks, root, &ray.0, ray.1)
+    }
+}
+
+#[inline(always)]
+pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
+    l: L,
+    nodes: &[Node],
+    blocks: &[Block],
+    root: u32,
+    leaf_ray: &LeafRay,
+    t_max: f32,
 ) -> BvhHit {
     let mut best = BvhHit {
-        t: ray.t_max,
+        t: t_max,
         u: 0.0,
         v: 0.0,
         primitive: BVH_MISS,
     };
-    let ray = prepare(l, ray);
+    let ray = prepare::<L, FUSED>(l, leaf_ray);
+    let slack = l.splat(2.0 * leaf_ray.shear.slack);
     let mut stack = Stack::new();
     let mut at = root;
     let mut t_max = l.splat(best.t);
@@ -248,25 +514,36 @@ pub(super) fn walk<L: Lanes>(
             let Some(node) = nodes.get(at as usize) else {
                 break;
             };
-            let (mut mask, start) = enter(l, node, &ray, t_max);
+            let (mut mask, start) = enter::<L, FUSED>(l, node, &ray, t_max, slack);
             if mask == 0 {
                 break;
             }
-            let mut starts = [0.0; 8];
-            l.store(start, &mut starts);
-            let (a, last) = next(&mut mask, &starts, node);
+            let mut starts = Row([0.0; 8]);
+            l.store(start, &mut starts.0);
+            let (a, last) = next(&mut mask, &starts.0, node);
             if last {
                 at = a as u32;
                 continue;
             }
-            let (b, last) = next(&mut mask, &starts, node);
+            if ANY {
+                // Any order will do.
+                at = a as u32;
+                loop {
+                    let (b, last) = next(&mut mask, &starts.0, node);
+                    stack.push(b);
+                    if last {
+                        continue 'down;
+                    }
+                }
+            }
+            let (b, last) = next(&mut mask, &starts.0, node);
             let (a, b) = ordered(a, b);
             if last {
                 stack.push(b);
                 at = a as u32;
                 continue;
             }
-            let (c, last) = next(&mut mask, &starts, node);
+            let (c, last) = next(&mut mask, &starts.0, node);
             let (a, c) = ordered(a, c);
             let (b, c) = ordered(b, c);
             if last {
@@ -281,7 +558,7 @@ pub(super) fn walk<L: Lanes>(
             many[2] = c;
             let mut count = 3;
             loop {
-                let (d, last) = next(&mut mask, &starts, node);
+                let (d, last) = next(&mut mask, &starts.0, node);
                 let mut i = count;
                 while i > 0 && many[i - 1] > d {
                     many[i] = many[i - 1];
@@ -301,8 +578,8 @@ pub(super) fn walk<L: Lanes>(
         }
         if at & LEAF != 0 {
             if let Some(block) = blocks.get((at & !LEAF) as usize) {
-                leaf(l, block, &ray, &mut best, any);
-                if any && best.primitive != BVH_MISS {
+                l.leaf(block, leaf_ray, &mut best);
+                if ANY && best.primitive != BVH_MISS {
                     return best;
                 }
                 t_max = l.splat(best.t);
@@ -312,7 +589,7 @@ pub(super) fn walk<L: Lanes>(
             let Some(entry) = stack.pop() else {
                 return best;
             };
-            if f32::from_bits((entry >> 32) as u32) <= best.t {
+            if ANY || f32::from_bits((entry >> 32) as u32) <= best.t {
                 at = entry as u32;
                 break;
             }
