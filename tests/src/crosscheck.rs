@@ -21,6 +21,7 @@ use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 use raytwin::gpu::BvhBuffers;
 use raytwin::ray::bvh_build::{BuildQuality, Bvh, BvhError};
+use raytwin_cpu::pass::bvh8::{Bvh8, Level};
 use raytwin_cpu::ray::bvh::{BVH_MISS, BvhHit, BvhView, bvh_any, bvh_closest};
 use raytwin_cpu::ray::ray::Ray;
 
@@ -257,6 +258,46 @@ impl Engine for OursCpu<'_> {
             .map(|&r| Answer {
                 hit: hit_of(bvh_closest(&view, r)),
                 any: bvh_any(&view, r) != 0,
+            })
+            .collect()
+    }
+
+    fn strict(&self) -> bool {
+        true
+    }
+}
+
+/// The tree of eight, walked with one kind of instructions.
+pub struct OursWide(Bvh8);
+
+impl OursWide {
+    /// One engine for each level that this processor has.
+    ///
+    /// # Panics
+    /// If the tree is broken.
+    #[must_use]
+    pub fn all(bvh: &Bvh) -> Vec<Self> {
+        let wide = match Bvh8::new(bvh.view()) {
+            Ok(wide) => wide,
+            Err(fault) => panic!("{fault}"),
+        };
+        Level::all()
+            .into_iter()
+            .map(|level| Self(wide.clone().with_level(level)))
+            .collect()
+    }
+}
+
+impl Engine for OursWide {
+    fn name(&self) -> String {
+        format!("raytwin CPU, eight wide, {}", self.0.level().name())
+    }
+
+    fn trace(&self, rays: &[Ray]) -> Vec<Answer> {
+        rays.par_iter()
+            .map(|r| Answer {
+                hit: hit_of(self.0.closest(r)),
+                any: self.0.any(r),
             })
             .collect()
     }

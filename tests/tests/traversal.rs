@@ -13,8 +13,8 @@ use raytwin::ray::bvh_build::{BuildQuality, Bvh, BvhFault};
 use raytwin_cpu::ray::bvh::{BVH_MISS, BvhNode, bvh_closest};
 use raytwin_cpu::ray::ray::Ray;
 use raytwin_tests::crosscheck::{
-    Answer, Cause, Counts, EmbreeEngine, Engine, GpuTraversal, Obvhs, OursCpu, RaySet, Subject,
-    compare,
+    Answer, Cause, Counts, EmbreeEngine, Engine, GpuTraversal, Obvhs, OursCpu, OursWide, RaySet,
+    Subject, compare,
 };
 use raytwin_tests::gpu::{Build, adapters};
 use raytwin_tests::rays::families::{Expectation, Family, all, ray};
@@ -101,6 +101,7 @@ fn must_be_clean(name: &str, engine: &str, counts: &Counts, faults: &mut Vec<Str
 /// Every engine over one set: ours first, `(name, counts, ours)`.
 fn run(subject: &Subject, set: &RaySet) -> Vec<(String, Counts, bool)> {
     let cpu = OursCpu(&subject.bvh);
+    let wides = OursWide::all(&subject.bvh);
     let gpus: Vec<_> = traversals()
         .iter()
         .map(|t| t.engine(&subject.bvh))
@@ -108,6 +109,7 @@ fn run(subject: &Subject, set: &RaySet) -> Vec<(String, Counts, bool)> {
     let plain = Obvhs::new(subject);
     let (fast, robust) = (embree(subject, false), embree(subject, true));
     let mut engines: Vec<&(dyn Engine + Sync)> = vec![&cpu];
+    engines.extend(wides.iter().map(|w| w as &(dyn Engine + Sync)));
     engines.extend(gpus.iter().map(|g| g as &(dyn Engine + Sync)));
     engines.extend([&plain as &(dyn Engine + Sync), &fast, &robust]);
     engines
@@ -369,6 +371,39 @@ fn twins_agree() {
         );
         assert!(far * 1000 <= rays, "{name}: t beyond 4 ULP {far} of {rays}");
     }
+}
+
+/// The tree of eight gives the scalar twin's answers, every bit of them, with
+/// every kind of instructions.
+#[test]
+fn wide_levels_agree() {
+    let mut sets: Vec<(Subject, Vec<Ray>)> = all(number(1_000, 50_000))
+        .into_iter()
+        .chain(across_a_lattice(number(1_000, 50_000)))
+        .map(|f| (subject(&f.name, &f.mesh), f.rays))
+        .collect();
+    let rooms = scene_subject("kitchen", &kitchen().unwrap_or_else(|e| panic!("{e}")));
+    let rays = rooms.random_rays(number(20_000, 1_000_000), 61);
+    sets.push((rooms, rays));
+    let word = |a: &Answer| {
+        a.hit.map(|h| {
+            let [u, v] = h.weights.expect("ours has weights");
+            [h.t, u, v].map(f32::to_bits)
+        })
+    };
+    let mut count = 0;
+    for (subject, rays) in &sets {
+        let truth = OursCpu(&subject.bvh).trace(rays);
+        for wide in OursWide::all(&subject.bvh) {
+            for ((ray, a), b) in rays.iter().zip(&truth).zip(wide.trace(rays)) {
+                let (name, mesh) = (wide.name(), &subject.name);
+                assert_eq!(word(a), word(&b), "{name}, {mesh}: {ray:?}");
+                assert_eq!(a, &b, "{name}, {mesh}: {ray:?}");
+                count += 1;
+            }
+        }
+    }
+    println!("{count} rays with the scalar twin's bits");
 }
 
 fn sheet() -> Subject {

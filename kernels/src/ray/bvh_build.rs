@@ -9,7 +9,6 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 use raytwin_cpu::ray::bvh::{BVH_STACK, BvhNode, BvhTriangle, BvhView};
-use raytwin_cpu::ray::triangle::TRIANGLE_PAD;
 
 /// Largest number of triangles in one tree: 2^26.
 pub const BVH_TRIANGLES_MAX: usize = 1 << 26;
@@ -186,24 +185,7 @@ pub struct Bvh {
     pub triangles: Vec<BvhTriangle>,
 }
 
-/// A triangle's box with the margin of the watertight traversal.
-///
-/// Four times the margin that the leaf test applies to the triangle's own box,
-/// and then outwards to the next number, so that rounding on the way cannot
-/// make the leaf test's box the larger one.
-#[must_use]
-pub fn bvh_triangle_box(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, Vec3) {
-    let low = a.min(b).min(c);
-    let high = a.max(b).max(c);
-    let extent = high - low;
-    let pad = 4.0 * TRIANGLE_PAD * extent.x.max(extent.y).max(extent.z);
-    let down = |v: f32| (v - pad).next_down();
-    let up = |v: f32| (v + pad).next_up();
-    (
-        Vec3::new(down(low.x), down(low.y), down(low.z)),
-        Vec3::new(up(high.x), up(high.y), up(high.z)),
-    )
-}
+pub use raytwin_cpu::pass::bvh8::triangle_box as bvh_triangle_box;
 
 fn corners(positions: &[Vec3], triangle: usize, indices: [u32; 3]) -> Result<[Vec3; 3], BvhError> {
     let mut out = [Vec3::ZERO; 3];

@@ -54,8 +54,8 @@ pub(super) trait Lanes: Copy {
     fn prefetch<T>(self, _at: &T) {}
 }
 
-use super::{Block, Node};
 use super::walk::{self, LeafRay};
+use super::{Block, Node};
 use crate::ray::bvh::BvhHit;
 
 /// Arrays and loops, for every processor.
@@ -156,7 +156,7 @@ impl Lanes for Portable {
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86 {
-    use super::{Block, BvhHit, Lanes, Node, LeafRay, walk};
+    use super::{Block, BvhHit, Lanes, LeafRay, Node, walk};
     use std::arch::x86_64::*;
 
     /// The features that [`Avx2`] stands for are those of its walk in

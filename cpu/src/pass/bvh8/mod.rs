@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use crate::ray::bvh::{BVH_MISS, BVH_STACK, BvhHit, BvhView};
 use crate::ray::ray::Ray;
+use crate::ray::triangle::TRIANGLE_PAD;
 use lanes::Portable;
 
 /// Triangles in a block.
@@ -22,7 +23,10 @@ const LEAF: u32 = 1 << 31;
 /// Postponed children: seven for each level.
 const STACK: usize = 7 * BVH_STACK + 1;
 
-/// Eight boxes, plane by plane: 256 bytes.
+/// A plane of a child that is not there: no ray is inside such a box.
+const NOWHERE: f32 = f32::from_bits((127 + 126) << 23);
+
+/// Eight boxes, plane by plane: 224 bytes, four cache lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Node {
@@ -30,7 +34,6 @@ struct Node {
     planes: [[[f32; 8]; 2]; 3],
     /// A node's index, or [`LEAF`] and a block's.
     children: [u32; 8],
-    spare: [u32; 8],
 }
 
 impl Node {
@@ -41,7 +44,52 @@ impl Node {
         }
         self.children[slot] = child;
     }
+
+    /// The box around all children; those that are not there add nothing.
+    fn bounds(&self) -> (Vec3, Vec3) {
+        let low = |axis: usize| self.planes[axis][0].into_iter().fold(f32::MAX, f32::min);
+        let high = |axis: usize| self.planes[axis][1].into_iter().fold(f32::MIN, f32::max);
+        (
+            Vec3::new(low(0), low(1), low(2)),
+            Vec3::new(high(0), high(1), high(2)),
+        )
+    }
 }
+
+/// Which sides of a triangle a ray can hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Faces {
+    /// Both.
+    #[default]
+    Both,
+    /// Those whose normal `(b - a) × (c - a)` is against the ray, so that the
+    /// vertices are seen counter-clockwise.
+    Front,
+}
+
+/// Why a tree could not be refitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RefitError {
+    /// The triangle that has no indices, no vertex, or one that is not finite
+    /// or beyond 2^39.
+    pub primitive: u32,
+}
+
+impl fmt::Display for RefitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "triangle {} lacks indices or a vertex, or a vertex is not finite or beyond \
+             {COORDINATE_MAX:e}: refit with the mesh that the tree was built for",
+            self.primitive
+        )
+    }
+}
+
+impl std::error::Error for RefitError {}
+
+/// Largest magnitude of a coordinate, 2^39: see [`Ray`].
+const COORDINATE_MAX: f32 = f32::from_bits((127 + 39) << 23);
 
 /// Eight triangles, coordinate by coordinate: 320 bytes.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +98,19 @@ struct Block {
     /// By vertex, then by axis. Unused places have three equal vertices, which
     /// no ray hits.
     vertices: [[[f32; BLOCK]; 3]; 3],
+    /// The triangles' indices in the mesh, [`BVH_MISS`] in unused places.
     primitives: [u32; BLOCK],
+}
+
+impl Block {
+    fn set(&mut self, place: usize, corners: [Vec3; 3], primitive: u32) {
+        for (vertex, at) in self.vertices.iter_mut().zip(corners) {
+            for axis in 0..3 {
+                vertex[axis][place] = at[axis];
+            }
+        }
+        self.primitives[place] = primitive;
+    }
 }
 
 /// What kind of instructions a walk uses. The hits are the same.
@@ -170,17 +230,43 @@ pub struct Bvh8 {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray) -> BvhHit {
-    // SAFETY: this function is only called where AVX2 is.
+fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+    // SAFETY: this function is only called where its features are.
     let l = unsafe { lanes::x86::Avx2::assume() };
-    walk::walk::<_, ANY>(l, &bvh.nodes, &bvh.blocks, bvh.root, ray)
+    walk::walk::<_, ANY>(l, bvh, ray, faces)
 }
+
+/// A triangle's box with the margin of the watertight traversal.
+///
+/// Four times the margin that the leaf test applies to the triangle's own box,
+/// and then outwards to the next number, so that rounding on the way cannot
+/// make the leaf test's box the larger one.
+#[must_use]
+pub fn triangle_box(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, Vec3) {
+    let low = a.min(b).min(c);
+    let high = a.max(b).max(c);
+    let extent = high - low;
+    let pad = 4.0 * TRIANGLE_PAD * extent.x.max(extent.y).max(extent.z);
+    let down = |v: f32| (v - pad).next_down();
+    let up = |v: f32| (v + pad).next_up();
+    (
+        Vec3::new(down(low.x), down(low.y), down(low.z)),
+        Vec3::new(up(high.x), up(high.y), up(high.z)),
+    )
+}
+
+/// Rays that one task of a parallel batch takes.
+#[cfg(feature = "rayon")]
+const BATCH: usize = 512;
 
 impl Bvh8 {
     /// Collapses a binary tree.
     ///
     /// # Errors
-    /// The first fault found in the tree.
+    /// The first fault found in the tree: indices outside, cycles, nodes with
+    /// several parents or none, boxes that are not finite or do not contain
+    /// those below, too many levels. That a leaf's box contains its triangles
+    /// with their margin is the builder's to keep.
     pub fn new(tree: BvhView<'_>) -> Result<Self, Bvh8Fault> {
         collapse::collapse(tree)
     }
@@ -191,58 +277,157 @@ impl Bvh8 {
         Self { level, ..self }
     }
 
+    /// The instructions that walks use: at first the best there are.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
     /// Bytes of nodes and triangles.
     #[must_use]
     pub fn bytes(&self) -> usize {
         std::mem::size_of_val(&*self.nodes) + std::mem::size_of_val(&*self.blocks)
     }
 
-    /// Counts, for whoever tunes the collapse.
+    /// The mean number of children of a node, and of triangles of a block.
     #[must_use]
-    pub fn statistics(&self) -> String {
-        let children: usize = self
-            .nodes
-            .iter()
-            .map(|n| {
-                (0..8)
-                    .filter(|&i| n.planes[0][0][i] <= n.planes[0][1][i])
-                    .count()
-            })
-            .sum();
-        let triangles: usize = self
-            .blocks
-            .iter()
-            .map(|b| b.primitives.iter().filter(|&&p| p != BVH_MISS).count())
-            .sum();
-        format!(
-            "{:.2} children a node, {:.2} triangles a block",
-            children as f64 / self.nodes.len() as f64,
-            triangles as f64 / self.blocks.len() as f64
+    pub fn fill(&self) -> (f32, f32) {
+        let children = self.nodes.iter().flat_map(|n| n.planes[0][0]);
+        let children = children.filter(|&low| low != NOWHERE).count();
+        let triangles = self.blocks.iter().flat_map(|b| b.primitives);
+        let triangles = triangles.filter(|&p| p != BVH_MISS).count();
+        (
+            children as f32 / self.nodes.len().max(1) as f32,
+            triangles as f32 / self.blocks.len().max(1) as f32,
         )
     }
 
     #[inline(always)]
-    fn walk<const ANY: bool>(&self, ray: &Ray) -> BvhHit {
+    fn walk<const ANY: bool>(&self, ray: &Ray, faces: Faces) -> BvhHit {
         match self.level.0 {
-            Kind::Portable => {
-                walk::walk::<_, ANY>(Portable, &self.nodes, &self.blocks, self.root, ray)
-            }
+            Kind::Portable => walk::walk::<_, ANY>(Portable, self, ray, faces),
             // SAFETY: a `Level` is only made by `Level::all`, which has asked
             // the processor for each of the features.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray) },
+            Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray, faces) },
         }
     }
 
-    /// The closest triangle that a ray meets within its range, ends included.
+    /// The closest triangle that a ray meets within its range, ends included:
+    /// [`bvh_closest`](crate::ray::bvh::bvh_closest), every bit of it.
     #[must_use]
-    pub fn closest(&self, ray: Ray) -> BvhHit {
-        self.walk::<false>(&ray)
+    pub fn closest(&self, ray: &Ray) -> BvhHit {
+        self.walk::<false>(ray, Faces::Both)
     }
 
     /// Whether the ray meets any triangle within its range, ends included.
     #[must_use]
-    pub fn any(&self, ray: Ray) -> bool {
-        self.walk::<true>(&ray).primitive != BVH_MISS
+    pub fn any(&self, ray: &Ray) -> bool {
+        self.walk::<true>(ray, Faces::Both).primitive != BVH_MISS
+    }
+
+    /// [`Self::closest`] among triangles seen from these sides.
+    #[must_use]
+    pub fn closest_of(&self, ray: &Ray, faces: Faces) -> BvhHit {
+        self.walk::<false>(ray, faces)
+    }
+
+    /// [`Self::any`] among triangles seen from these sides.
+    #[must_use]
+    pub fn any_of(&self, ray: &Ray, faces: Faces) -> bool {
+        self.walk::<true>(ray, faces).primitive != BVH_MISS
+    }
+
+    /// [`Self::closest`] of each ray, in parallel with the feature `rayon`.
+    #[must_use]
+    pub fn closest_many(&self, rays: &[Ray]) -> Vec<BvhHit> {
+        #[cfg(feature = "rayon")]
+        {
+            use rayon::prelude::*;
+            rays.par_iter()
+                .with_min_len(BATCH)
+                .map(|ray| self.closest(ray))
+                .collect()
+        }
+        #[cfg(not(feature = "rayon"))]
+        rays.iter().map(|ray| self.closest(ray)).collect()
+    }
+
+    /// [`Self::any`] of each ray, in parallel with the feature `rayon`.
+    #[must_use]
+    pub fn any_many(&self, rays: &[Ray]) -> Vec<bool> {
+        #[cfg(feature = "rayon")]
+        {
+            use rayon::prelude::*;
+            rays.par_iter()
+                .with_min_len(BATCH)
+                .map(|ray| self.any(ray))
+                .collect()
+        }
+        #[cfg(not(feature = "rayon"))]
+        rays.iter().map(|ray| self.any(ray)).collect()
+    }
+
+    /// Moves the triangles to other vertices, and the boxes with them; the
+    /// tree's shape stays. The hits are those of a tree built anew; the more
+    /// the mesh is deformed, the longer they take.
+    ///
+    /// # Errors
+    /// A primitive without indices, an index without a vertex, or a vertex
+    /// that is not finite or beyond 2^39. Then nothing is changed.
+    pub fn refit(&mut self, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<(), RefitError> {
+        let corners = |primitive: u32| -> Result<[Vec3; 3], RefitError> {
+            let error = RefitError { primitive };
+            let triangle = indices.get(primitive as usize).ok_or(error)?;
+            let mut out = [Vec3::ZERO; 3];
+            for (corner, &index) in out.iter_mut().zip(triangle) {
+                let p = *positions.get(index as usize).ok_or(error)?;
+                if !(p.abs().max_element() <= COORDINATE_MAX) || !p.is_finite() {
+                    return Err(error);
+                }
+                *corner = p;
+            }
+            Ok(out)
+        };
+        for &primitive in self.blocks.iter().flat_map(|b| &b.primitives) {
+            if primitive != BVH_MISS {
+                corners(primitive)?;
+            }
+        }
+        let mut boxes = Vec::with_capacity(self.blocks.len());
+        for block in &mut self.blocks {
+            let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+            let primitives = block.primitives;
+            for (k, primitive) in primitives.into_iter().enumerate() {
+                if primitive == BVH_MISS {
+                    continue;
+                }
+                let moved = corners(primitive)?;
+                block.set(k, moved, primitive);
+                let (l, h) = triangle_box(moved[0], moved[1], moved[2]);
+                low = low.min(l);
+                high = high.max(h);
+            }
+            boxes.push((low, high));
+        }
+        // A child comes after its parent.
+        for i in (0..self.nodes.len()).rev() {
+            for slot in 0..8 {
+                if self.nodes[i].planes[0][0][slot] == NOWHERE {
+                    continue;
+                }
+                let child = self.nodes[i].children[slot];
+                let (low, high) = if child & LEAF == 0 {
+                    self.nodes[child as usize].bounds()
+                } else {
+                    boxes[(child & !LEAF) as usize]
+                };
+                self.nodes[i].set(slot, low, high, child);
+            }
+        }
+        Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,11 +3,11 @@
 use std::mem::MaybeUninit;
 
 use super::lanes::Lanes;
-use super::{Block, LEAF, Node, STACK};
-use crate::ray::bvh::{BVH_MISS, BvhHit};
-use crate::ray::ray::{RAY_FLUSH, RAY_SLACK, Ray, RayShear};
+use super::{Block, Bvh8, Faces, LEAF, Node, STACK};
 use crate::ray::aabb::AABB_WIDEN;
+use crate::ray::bvh::{BVH_MISS, BvhHit};
 use crate::ray::plane::{PLANE_RATIO, PLANE_TINY};
+use crate::ray::ray::{RAY_FLUSH, RAY_SLACK, Ray, RayShear};
 use crate::ray::triangle::{TRIANGLE_PAD, triangle_intersect_sheared};
 use glam::{Vec2, Vec3};
 
@@ -73,11 +73,14 @@ pub(super) struct LeafRay {
     axes: [usize; 3],
     origin: [f32; 3],
     t_min: f32,
+    /// Lanes that may have negative, or positive, edges.
+    below: u32,
+    above: u32,
 }
 
 /// [`ray_shear`] without branches: the same operations on the same numbers.
 #[inline(always)]
-fn shear_of(ray: &Ray) -> LeafRay {
+fn prepare_leaf(ray: &Ray, faces: Faces) -> LeafRay {
     let flush = |v: f32| if v.abs() < RAY_FLUSH { 0.0 } else { v };
     let d = [
         flush(ray.direction.x),
@@ -114,6 +117,9 @@ fn shear_of(ray: &Ray) -> LeafRay {
         axes: [kx, ky, kz],
         origin: ray.origin.to_array(),
         t_min: ray.t_min,
+        // Along the axis of the shear, counter-clockwise is seen from ahead.
+        below: u32::from(faces == Faces::Both || d[kz] > 0.0) * 0xff,
+        above: u32::from(faces == Faces::Both || d[kz] < 0.0) * 0xff,
     }
 }
 
@@ -213,11 +219,17 @@ fn enter<L: Lanes, const FUSED: bool>(
     slack: L::F,
 ) -> (u32, L::F) {
     let start = l.max(
-        l.max(near::<L, FUSED>(l, node, ray, 0), near::<L, FUSED>(l, node, ray, 1)),
+        l.max(
+            near::<L, FUSED>(l, node, ray, 0),
+            near::<L, FUSED>(l, node, ray, 1),
+        ),
         l.max(near::<L, FUSED>(l, node, ray, 2), ray.t_min),
     );
     let end = l.min(
-        l.min(far::<L, FUSED>(l, node, ray, 0), far::<L, FUSED>(l, node, ray, 1)),
+        l.min(
+            far::<L, FUSED>(l, node, ray, 0),
+            far::<L, FUSED>(l, node, ray, 1),
+        ),
         l.min(far::<L, FUSED>(l, node, ray, 2), t_max),
     );
     let end = if FUSED { end } else { l.add(end, slack) };
@@ -322,7 +334,8 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     let (pc, qc) = (l.mul(sa.0, sb.1), l.mul(sa.1, sb.0));
     let below = l.or(l.or(l.lt(pa, qa), l.lt(pb, qb)), l.lt(pc, qc));
     let above = l.or(l.or(l.lt(qa, pa), l.lt(qb, pb)), l.lt(qc, pc));
-    let through = l.bits(below) ^ l.bits(above);
+    let (below, above) = (l.bits(below), l.bits(above));
+    let through = (below ^ above) & ((below & ray.below) | (above & ray.above));
     if through == 0 {
         return;
     }
@@ -344,7 +357,11 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     let a = vertex(l, &block.vertices[0]);
     let b = vertex(l, &block.vertices[1]);
     let c = vertex(l, &block.vertices[2]);
-    let (la, lb, lc) = (minus(l, a, origin), minus(l, b, origin), minus(l, c, origin));
+    let (la, lb, lc) = (
+        minus(l, a, origin),
+        minus(l, b, origin),
+        minus(l, c, origin),
+    );
     let low = Wide::<L> {
         x: min3(l, la.x, lb.x, lc.x),
         y: min3(l, la.y, lb.y, lc.y),
@@ -356,19 +373,13 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
         z: max3(l, la.z, lb.z, lc.z),
     };
     let extent = minus(l, high, low);
-    let pad = l.mul(
-        max3(l, extent.x, extent.y, extent.z),
-        l.splat(TRIANGLE_PAD),
-    );
+    let pad = l.mul(max3(l, extent.x, extent.y, extent.z), l.splat(TRIANGLE_PAD));
     let x = slab_axis(l, low.x, high.x, pad, l.splat(ray.shear.inverse.x));
     let y = slab_axis(l, low.y, high.y, pad, l.splat(ray.shear.inverse.y));
     let z = slab_axis(l, low.z, high.z, pad, l.splat(ray.shear.inverse.z));
     let near = max3(l, x.0, y.0, z.0);
     let far = min3(l, x.1, y.1, z.1);
-    let widened = l.add(
-        l.mul(far, l.splat(AABB_WIDEN)),
-        l.splat(ray.shear.slack),
-    );
+    let widened = l.add(l.mul(far, l.splat(AABB_WIDEN)), l.splat(ray.shear.slack));
     let own_box = l.le(near, widened);
 
     let area = l.add(l.add(ea, eb), ec);
@@ -405,10 +416,7 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     let plane = l.div(numerator, l.select(divides, denominator, one));
     let along = l.select(divides, plane, near);
     let t = l.max(near, l.min(far, along));
-    let range = l.and(
-        l.le(l.splat(ray.t_min), t),
-        l.le(t, l.splat(best.t)),
-    );
+    let range = l.and(l.le(l.splat(ray.t_min), t), l.le(t, l.splat(best.t)));
     let mut hits = through & l.bits(l.and(own_box, range));
     if hits == 0 {
         return;
@@ -472,14 +480,9 @@ fn next(mask: &mut u32, starts: &[f32; 8], node: &Node) -> (Entry, bool) {
 /// Walks the tree. A ray with a zero in its direction needs planes that are
 /// not fused.
 #[inline(always)]
-pub(super) fn walk<L: Lanes, const ANY: bool>(
-    l: L,
-    nodes: &[Node],
-    blocks: &[Block],
-    root: u32,
-    ray: &Ray,
-) -> BvhHit {
-    let ray = (shear_of(ray), ray.t_max);
+pub(super) fn walk<L: Lanes, const ANY: bool>(l: L, bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+    let (nodes, blocks, root) = (&*bvh.nodes, &*bvh.blocks, bvh.root);
+    let ray = (prepare_leaf(ray, faces), ray.t_max);
     if !L::FUSED {
         walk_planes::<L, ANY, false>(l, nodes, blocks, root, &ray.0, ray.1)
     } else if ray.0.shear.parallel == 0 {
@@ -526,12 +529,14 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
                 continue;
             }
             if ANY {
-                // Any order will do.
-                at = a as u32;
+                // The children with the largest boxes come last: those first.
+                let mut a = a;
                 loop {
+                    stack.push(a);
                     let (b, last) = next(&mut mask, &starts.0, node);
-                    stack.push(b);
+                    a = b;
                     if last {
+                        at = a as u32;
                         continue 'down;
                     }
                 }

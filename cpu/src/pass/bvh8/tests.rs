@@ -1,0 +1,362 @@
+use super::*;
+use crate::ray::bvh::{BvhNode, BvhTriangle, bvh_any, bvh_closest};
+use crate::ray::triangle::triangle_intersect_watertight;
+
+struct Random(u32);
+
+impl Random {
+    fn word(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let x = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
+        (x >> 22) ^ x
+    }
+
+    fn unit(&mut self) -> f32 {
+        (self.word() >> 8) as f32 / 16_777_216.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.unit() - 0.5, self.unit() - 0.5, self.unit() - 0.5)
+    }
+}
+
+struct Tree {
+    nodes: Vec<BvhNode>,
+    triangles: Vec<BvhTriangle>,
+}
+
+impl Tree {
+    fn view(&self) -> BvhView<'_> {
+        BvhView {
+            nodes: &self.nodes,
+            triangles: &self.triangles,
+        }
+    }
+
+    /// Halves the list, which is sorted along x, down to leaves of `leaf`.
+    fn new(corners: &[[Vec3; 3]], leaf: usize) -> Self {
+        let mut triangles: Vec<BvhTriangle> = corners
+            .iter()
+            .enumerate()
+            .map(|(i, &[a, b, c])| BvhTriangle {
+                a,
+                b,
+                c,
+                primitive: i as u32,
+            })
+            .collect();
+        triangles.sort_by(|l, r| l.a.x.total_cmp(&r.a.x));
+        let around = |part: &[BvhTriangle]| {
+            let boxes = part.iter().map(|t| triangle_box(t.a, t.b, t.c));
+            boxes
+                .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+                .unwrap_or_default()
+        };
+        let node = |part: &[BvhTriangle], first: usize, count: usize| BvhNode {
+            min: around(part).0,
+            first: first as u32,
+            max: around(part).1,
+            count: count as u32,
+        };
+        let mut nodes = vec![node(&triangles, 0, triangles.len())];
+        let mut at = 0;
+        while at < nodes.len() {
+            let (first, count) = (nodes[at].first as usize, nodes[at].count as usize);
+            if count > leaf {
+                let half = count / 2;
+                let child = nodes.len();
+                nodes.push(node(&triangles[first..first + half], first, half));
+                nodes.push(node(
+                    &triangles[first + half..first + count],
+                    first + half,
+                    count - half,
+                ));
+                (nodes[at].first, nodes[at].count) = (child as u32, 0);
+            }
+            at += 1;
+        }
+        Self { nodes, triangles }
+    }
+}
+
+/// Small triangles in a cube, and a few large ones.
+fn soup(n: usize, seed: u32) -> Vec<[Vec3; 3]> {
+    let mut random = Random(seed);
+    (0..n)
+        .map(|i| {
+            let size = if i % 50 == 0 { 1.0 } else { 0.2 };
+            let at = random.vector();
+            [0; 3].map(|_| at + random.vector() * size)
+        })
+        .collect()
+}
+
+/// Random rays; every eighth has zeros in its direction, and every other of
+/// those starts at a vertex's coordinate.
+fn rays(n: usize, corners: &[[Vec3; 3]], seed: u32) -> Vec<Ray> {
+    let mut random = Random(seed);
+    (0..n)
+        .map(|i| {
+            let mut origin = random.vector() * 2.0;
+            let mut direction = random.vector();
+            if i % 8 == 0 {
+                direction[random.word() as usize % 3] = if i % 16 == 0 { 0.0 } else { -0.0 };
+            }
+            if i % 16 == 0 {
+                origin = corners[random.word() as usize % corners.len()][0];
+                origin[i / 16 % 3] -= 1.0;
+            }
+            Ray {
+                origin,
+                direction,
+                t_min: if i % 5 == 0 { 0.1 } else { 0.0 },
+                t_max: if i % 3 == 0 { 1.5 } else { f32::MAX },
+            }
+        })
+        .collect()
+}
+
+fn bits(hit: BvhHit) -> [u32; 4] {
+    [
+        hit.t.to_bits(),
+        hit.u.to_bits(),
+        hit.v.to_bits(),
+        hit.primitive,
+    ]
+}
+
+/// Every triangle asked, from these sides.
+fn ask_all(corners: &[[Vec3; 3]], ray: &Ray, faces: Faces) -> BvhHit {
+    let mut best = BvhHit {
+        t: ray.t_max,
+        u: 0.0,
+        v: 0.0,
+        primitive: BVH_MISS,
+    };
+    for (i, &[a, b, c]) in corners.iter().enumerate() {
+        let normal = (b - a).cross(c - a);
+        if faces == Faces::Front && normal.dot(ray.direction) >= 0.0 {
+            continue;
+        }
+        let hit = triangle_intersect_watertight(*ray, a, b, c);
+        if hit.hit != 0 && (hit.t < best.t || hit.t == best.t && (i as u32) < best.primitive) {
+            best = BvhHit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                primitive: i as u32,
+            };
+        }
+    }
+    best
+}
+
+fn levels(tree: &Tree) -> Vec<Bvh8> {
+    let wide = Bvh8::new(tree.view()).expect("a sound tree");
+    Level::all()
+        .into_iter()
+        .map(|level| wide.clone().with_level(level))
+        .collect()
+}
+
+#[test]
+fn every_level_is_every_triangle_asked() {
+    for (n, leaf) in [
+        (1, 1),
+        (7, 3),
+        (8, 1),
+        (9, 20),
+        (300, 4),
+        (300, 100),
+        (300, 1000),
+    ] {
+        let corners = soup(n, 7);
+        let tree = Tree::new(&corners, leaf);
+        for wide in levels(&tree) {
+            let mut hits = 0;
+            for ray in rays(3000, &corners, 11) {
+                let truth = ask_all(&corners, &ray, Faces::Both);
+                let name = wide.level().name();
+                assert_eq!(bits(wide.closest(&ray)), bits(truth), "{name} {n} {ray:?}");
+                assert_eq!(wide.any(&ray), truth.primitive != BVH_MISS, "{name}");
+                assert_eq!(bits(bvh_closest(&tree.view(), ray)), bits(truth));
+                assert_eq!(bvh_any(&tree.view(), ray) != 0, truth.primitive != BVH_MISS);
+                let front = ask_all(&corners, &ray, Faces::Front);
+                assert_eq!(bits(wide.closest_of(&ray, Faces::Front)), bits(front));
+                assert_eq!(wide.any_of(&ray, Faces::Front), front.primitive != BVH_MISS);
+                hits += usize::from(truth.primitive != BVH_MISS);
+            }
+            assert!(n < 100 || hits > 200, "{hits}");
+        }
+    }
+}
+
+#[test]
+fn the_order_of_triangles_changes_no_t() {
+    let corners = soup(200, 3);
+    let mut turned = corners.clone();
+    turned.reverse();
+    turned.swap(3, 77);
+    let (a, b) = (Tree::new(&corners, 2), Tree::new(&turned, 2));
+    let (a, b) = (levels(&a).pop().unwrap(), levels(&b).pop().unwrap());
+    for ray in rays(2000, &corners, 5) {
+        assert_eq!(a.closest(&ray).t.to_bits(), b.closest(&ray).t.to_bits());
+    }
+}
+
+#[test]
+fn equal_hits_take_the_lowest_index() {
+    let one = soup(1, 1)[0];
+    let corners = vec![one; 40];
+    let ray = Ray {
+        origin: (one[0] + one[1] + one[2]) / 3.0 + Vec3::new(0.3, 0.2, 2.0),
+        direction: Vec3::new(-0.3, -0.2, -2.0),
+        t_min: 0.0,
+        t_max: f32::MAX,
+    };
+    for leaf in [1, 8, 64] {
+        for wide in levels(&Tree::new(&corners, leaf)) {
+            assert_eq!(wide.closest(&ray).primitive, 0);
+        }
+    }
+}
+
+#[test]
+fn batches_are_single_rays() {
+    let corners = soup(300, 9);
+    let tree = Tree::new(&corners, 4);
+    let wide = Bvh8::new(tree.view()).unwrap();
+    let rays = rays(3000, &corners, 2);
+    let closest = wide.closest_many(&rays);
+    let any = wide.any_many(&rays);
+    assert_eq!((closest.len(), any.len()), (rays.len(), rays.len()));
+    for ((ray, hit), any) in rays.iter().zip(closest).zip(any) {
+        assert_eq!(bits(wide.closest(ray)), bits(hit));
+        assert_eq!(wide.any(ray), any);
+    }
+}
+
+#[test]
+fn refit_is_rebuild() {
+    let before = soup(300, 9);
+    let tree = Tree::new(&before, 4);
+    let mut random = Random(4);
+    let after: Vec<_> = before
+        .iter()
+        .map(|t| t.map(|v| v * 3.0 + random.vector() * 0.2))
+        .collect();
+    let positions: Vec<_> = after.iter().flatten().copied().collect();
+    let indices: Vec<_> = (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let rebuilt = Tree::new(&after, 4);
+    for mut wide in levels(&tree) {
+        wide.refit(&positions, &indices).unwrap();
+        let mut hits = 0;
+        for mut ray in rays(3000, &before, 8) {
+            ray.origin *= 3.0;
+            let truth = bvh_closest(&rebuilt.view(), ray);
+            assert_eq!(bits(wide.closest(&ray)), bits(truth));
+            hits += usize::from(truth.primitive != BVH_MISS);
+        }
+        assert!(hits > 100, "{hits}");
+        // A mesh that does not fit changes nothing.
+        let ray = rays(1, &before, 8)[0];
+        let was = bits(wide.closest(&ray));
+        let mut bad = positions.clone();
+        bad[30].y = f32::NAN;
+        assert_eq!(
+            wide.refit(&bad, &indices),
+            Err(RefitError { primitive: 10 })
+        );
+        assert!(wide.refit(&positions, &indices[..299]).is_err());
+        assert!(wide.refit(&positions[..899], &indices).is_err());
+        assert_eq!(bits(wide.closest(&ray)), was);
+    }
+}
+
+#[test]
+fn no_triangles_no_hits() {
+    let wide = Bvh8::new(BvhView {
+        nodes: &[],
+        triangles: &[],
+    })
+    .unwrap();
+    for ray in rays(16, &soup(1, 1), 1) {
+        assert_eq!(wide.closest(&ray).primitive, BVH_MISS);
+        assert!(!wide.any(&ray));
+    }
+}
+
+#[test]
+fn broken_trees_are_refused() {
+    let corners = soup(100, 9);
+    let refuse = |change: &dyn Fn(&mut Tree)| {
+        let mut tree = Tree::new(&corners, 4);
+        change(&mut tree);
+        Bvh8::new(tree.view()).expect_err("a broken tree")
+    };
+    let leaf = |t: &Tree| t.nodes.iter().position(|n| n.count > 0).unwrap();
+    assert_eq!(
+        refuse(&|t| t.nodes[1].first = 0),
+        Bvh8Fault::Child { node: 1, child: 0 }
+    );
+    assert_eq!(
+        refuse(&|t| t.nodes[0].first = u32::MAX),
+        Bvh8Fault::Child {
+            node: 0,
+            child: u32::MAX
+        }
+    );
+    assert!(matches!(
+        refuse(&|t| t.nodes[1].first = t.nodes[2].first),
+        Bvh8Fault::Parents { .. } | Bvh8Fault::Box { .. }
+    ));
+    assert!(matches!(
+        refuse(&|t| {
+            let leaf = leaf(t);
+            t.nodes[leaf].count = u32::MAX;
+        }),
+        Bvh8Fault::Range { .. }
+    ));
+    assert_eq!(
+        refuse(&|t| t.nodes[2].max.y = f32::NAN),
+        Bvh8Fault::Box { node: 2 }
+    );
+    assert_eq!(
+        refuse(&|t| t.nodes[2].min.x = f32::NEG_INFINITY),
+        Bvh8Fault::Box { node: 2 }
+    );
+    assert!(matches!(
+        refuse(&|t| t.nodes[0].max.x -= 0.5),
+        Bvh8Fault::Box { .. }
+    ));
+    assert!(
+        refuse(&|t| {
+            let last = t.nodes[0];
+            t.nodes.push(last);
+        })
+        .to_string()
+        .contains("no parent")
+    );
+    // A comb of a hundred levels.
+    let one = Tree::new(&corners[..1], 1);
+    let root = one.nodes[0];
+    let mut nodes = vec![BvhNode {
+        first: 1,
+        count: 0,
+        ..root
+    }];
+    for level in 0..100u32 {
+        nodes.push(root);
+        nodes.push(BvhNode {
+            first: if level < 99 { 2 * level + 3 } else { 0 },
+            count: u32::from(level == 99),
+            ..root
+        });
+    }
+    let fault = Bvh8::new(BvhView {
+        nodes: &nodes,
+        triangles: &one.triangles,
+    })
+    .expect_err("too deep");
+    assert!(matches!(fault, Bvh8Fault::Depth { .. }), "{fault}");
+}
