@@ -48,13 +48,14 @@ pub(super) trait Lanes: Copy {
         blocks: &[Block],
         root: u32,
         ray: &LeafRay,
+        slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit;
     /// Asks for the cache line of something that is read soon.
     fn prefetch<T>(self, _at: &T) {}
 }
 
-use super::walk::{self, LeafRay};
+use super::walk::{self, LeafRay, Slopes};
 use super::{Block, Node};
 use crate::ray::bvh::BvhHit;
 
@@ -144,9 +145,10 @@ impl Lanes for Portable {
         blocks: &[Block],
         root: u32,
         ray: &LeafRay,
+        slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit {
-        walk::walk_planes::<_, ANY, false>(self, nodes, blocks, root, ray, t_max)
+        walk::walk_planes::<_, ANY, false>(self, nodes, blocks, root, ray, slopes, t_max)
     }
     #[inline(never)]
     fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
@@ -156,7 +158,7 @@ impl Lanes for Portable {
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86 {
-    use super::{Block, BvhHit, Lanes, LeafRay, Node, walk};
+    use super::{Block, BvhHit, Lanes, LeafRay, Node, Slopes, walk};
     use std::arch::x86_64::*;
 
     /// The features that [`Avx2`] stands for are those of its walk in
@@ -187,9 +189,10 @@ pub(super) mod x86 {
         blocks: &[Block],
         root: u32,
         ray: &LeafRay,
+        slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit {
-        walk::walk_planes::<_, ANY, false>(l, nodes, blocks, root, ray, t_max)
+        walk::walk_planes::<_, ANY, false>(l, nodes, blocks, root, ray, slopes, t_max)
     }
 
     // SAFETY of every block below: whoever holds an `Avx2` has promised, in
@@ -278,9 +281,10 @@ pub(super) mod x86 {
             blocks: &[Block],
             root: u32,
             ray: &LeafRay,
+            slopes: &Slopes,
             t_max: f32,
         ) -> BvhHit {
-            unsafe { parallel_avx2::<ANY>(self, nodes, blocks, root, ray, t_max) }
+            unsafe { parallel_avx2::<ANY>(self, nodes, blocks, root, ray, slopes, t_max) }
         }
         #[inline(always)]
         fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {

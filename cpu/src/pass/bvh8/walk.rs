@@ -9,7 +9,7 @@ use crate::ray::bvh::{BVH_MISS, BvhHit};
 use crate::ray::plane::{PLANE_RATIO, PLANE_TINY};
 use crate::ray::ray::{RAY_FLUSH, RAY_SLACK, Ray, RayShear};
 use crate::ray::triangle::{TRIANGLE_PAD, triangle_intersect_sheared};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3A};
 
 /// A postponed child: the bits of where the ray enters it, then what it is.
 type Entry = u64;
@@ -66,6 +66,17 @@ struct Prepared<L: Lanes> {
     t_min: L::F,
 }
 
+/// What the boxes need of a ray, before it is spread over lanes.
+pub(super) struct Slopes {
+    origin: Vec3A,
+    /// Reciprocals of the direction, infinite where it is zero.
+    slopes: Vec3A,
+    /// A bit for each negative component.
+    negative: usize,
+    slack: f32,
+    t_min: f32,
+}
+
 /// What the triangles need of a ray.
 pub(super) struct LeafRay {
     shear: RayShear,
@@ -78,41 +89,33 @@ pub(super) struct LeafRay {
     above: u32,
 }
 
-/// [`ray_shear`] without branches: the same operations on the same numbers.
+/// [`ray_shear`](crate::ray::ray::ray_shear) without branches: the same
+/// operations on the same numbers.
 #[inline(always)]
-fn prepare_leaf(ray: &Ray, faces: Faces) -> LeafRay {
-    let flush = |v: f32| if v.abs() < RAY_FLUSH { 0.0 } else { v };
-    let d = [
-        flush(ray.direction.x),
-        flush(ray.direction.y),
-        flush(ray.direction.z),
-    ];
-    let zero = [d[0] == 0.0, d[1] == 0.0, d[2] == 0.0];
-    let inverse = [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]];
-    let inverse = [
-        if zero[0] { 0.0 } else { inverse[0] },
-        if zero[1] { 0.0 } else { inverse[1] },
-        if zero[2] { 0.0 } else { inverse[2] },
-    ];
-    let (x, y, z) = (d[0].abs(), d[1].abs(), d[2].abs());
+fn prepare_leaf(ray: &Ray, faces: Faces) -> (LeafRay, Slopes) {
+    let direction = Vec3A::from(ray.direction);
+    let tiny = direction.abs().cmplt(Vec3A::splat(RAY_FLUSH));
+    let direction = Vec3A::select(tiny, Vec3A::ZERO, direction);
+    let zero = direction.cmpeq(Vec3A::ZERO);
+    let slopes = Vec3A::ONE / direction;
+    let inverse = Vec3A::select(zero, Vec3A::ZERO, slopes);
+    let steepest = inverse.abs().max(Vec3A::ONE).max_element();
+    let d = direction.to_array();
+    let [x, y, z] = direction.abs().to_array();
     let last = u32::from((z >= x) & (z >= y));
     let axis = 2 * last + (1 - last) * u32::from(y >= x);
     let [kx, ky, kz] = AXES[axis as usize & 3];
     let largest = if d[kz] == 0.0 { 1.0 } else { d[kz] };
-    let larger = |a: f32, b: f32| if a > b { a } else { b };
-    let steepest = larger(
-        larger(inverse[0].abs(), inverse[1].abs()),
-        larger(inverse[2].abs(), 1.0),
-    );
-    LeafRay {
+    let slack = RAY_SLACK * steepest;
+    let leaf = LeafRay {
         shear: RayShear {
             origin: ray.origin,
-            direction: d.into(),
+            direction: direction.into(),
             inverse: inverse.into(),
             shear: Vec2::new(d[kx] / largest, d[ky] / largest),
             axis,
-            parallel: u32::from(zero[0] | zero[1] | zero[2]),
-            slack: RAY_SLACK * steepest,
+            parallel: u32::from(zero.any()),
+            slack,
         },
         axes: [kx, ky, kz],
         origin: ray.origin.to_array(),
@@ -120,14 +123,22 @@ fn prepare_leaf(ray: &Ray, faces: Faces) -> LeafRay {
         // Along the axis of the shear, counter-clockwise is seen from ahead.
         below: u32::from(faces == Faces::Both || d[kz] > 0.0) * 0xff,
         above: u32::from(faces == Faces::Both || d[kz] < 0.0) * 0xff,
-    }
+    };
+    let slopes = Slopes {
+        origin: ray.origin.into(),
+        slopes,
+        negative: direction.cmplt(Vec3A::ZERO).bitmask() as usize,
+        slack: 2.0 * slack,
+        t_min: ray.t_min,
+    };
+    (leaf, slopes)
 }
 
 /// By the largest component: the axes in the order of the shear.
 const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 #[inline(always)]
-fn splat3<L: Lanes>(l: L, v: Vec3) -> [L::F; 3] {
+fn splat3<L: Lanes>(l: L, v: Vec3A) -> [L::F; 3] {
     [l.splat(v.x), l.splat(v.y), l.splat(v.z)]
 }
 
@@ -152,36 +163,26 @@ fn splat3<L: Lanes>(l: L, v: Vec3) -> [L::F; 3] {
 /// through the origin gives a NaN, which `min` and `max` in [`enter`] leave
 /// out.
 #[inline(always)]
-fn prepare<L: Lanes, const FUSED: bool>(l: L, ray: &LeafRay) -> Prepared<L> {
+fn prepare<L: Lanes, const FUSED: bool>(l: L, ray: &Slopes) -> Prepared<L> {
     const NEAR: f32 = 1.0 - 1.0 / 2_097_152.0;
     const FAR: f32 = 1.0 + 1.0 / 262_144.0 + 1.0 / 2_097_152.0;
     const UNIT: f32 = 1.0 / 16_777_216.0;
-    let (o, d) = (ray.shear.origin, ray.shear.direction);
-    let inverse = Vec3::new(1.0 / d.x, 1.0 / d.y, 1.0 / d.z);
-    let slack = 2.0 * ray.shear.slack;
-    let (near, far, near_at, far_at);
-    if FUSED {
-        near = inverse * NEAR;
-        far = inverse * FAR;
-        let size = o.abs() * inverse.abs() * (8.0 * UNIT);
-        near_at = -(o * near) - size;
-        far_at = (size + slack) - o * far;
+    let (o, slopes) = (ray.origin, ray.slopes);
+    let far = slopes * FAR;
+    let (near, near_at, far_at) = if FUSED {
+        let near = slopes * NEAR;
+        let size = o.abs() * slopes.abs() * (8.0 * UNIT);
+        let far_at = (size + Vec3A::splat(ray.slack)) - o * far;
+        (near, -(o * near) - size, far_at)
     } else {
-        near = inverse;
-        far = inverse * FAR;
-        near_at = o;
-        far_at = o;
-    }
+        (slopes, o, o)
+    };
     Prepared {
         near_at: splat3(l, near_at),
         near_inverse: splat3(l, near),
         far_at: splat3(l, far_at),
         far_inverse: splat3(l, far),
-        sign: [
-            usize::from(d.x < 0.0),
-            usize::from(d.y < 0.0),
-            usize::from(d.z < 0.0),
-        ],
+        sign: [0, 1, 2].map(|k| ray.negative >> k & 1),
         // A zero must not be negative: distances are ordered by their bits.
         t_min: l.splat(ray.t_min + 0.0),
     }
@@ -482,13 +483,13 @@ fn next(mask: &mut u32, starts: &[f32; 8], node: &Node) -> (Entry, bool) {
 #[inline(always)]
 pub(super) fn walk<L: Lanes, const ANY: bool>(l: L, bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
     let (nodes, blocks, root) = (&*bvh.nodes, &*bvh.blocks, bvh.root);
-    let ray = (prepare_leaf(ray, faces), ray.t_max);
+    let (leaf, slopes) = prepare_leaf(ray, faces);
     if !L::FUSED {
-        walk_planes::<L, ANY, false>(l, nodes, blocks, root, &ray.0, ray.1)
-    } else if ray.0.shear.parallel == 0 {
-        walk_planes::<L, ANY, true>(l, nodes, blocks, root, &ray.0, ray.1)
+        walk_planes::<L, ANY, false>(l, nodes, blocks, root, &leaf, &slopes, ray.t_max)
+    } else if leaf.shear.parallel == 0 {
+        walk_planes::<L, ANY, true>(l, nodes, blocks, root, &leaf, &slopes, ray.t_max)
     } else {
-        l.walk_parallel::<ANY>(nodes, blocks, root, &ray.0, ray.1)
+        l.walk_parallel::<ANY>(nodes, blocks, root, &leaf, &slopes, ray.t_max)
     }
 }
 
@@ -499,6 +500,7 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
     blocks: &[Block],
     root: u32,
     leaf_ray: &LeafRay,
+    slopes: &Slopes,
     t_max: f32,
 ) -> BvhHit {
     let mut best = BvhHit {
@@ -507,8 +509,8 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
         v: 0.0,
         primitive: BVH_MISS,
     };
-    let ray = prepare::<L, FUSED>(l, leaf_ray);
-    let slack = l.splat(2.0 * leaf_ray.shear.slack);
+    let ray = prepare::<L, FUSED>(l, slopes);
+    let slack = l.splat(slopes.slack);
     let mut stack = Stack::new();
     let mut at = root;
     let mut t_max = l.splat(best.t);
