@@ -161,83 +161,123 @@ pub(super) mod x86 {
     use super::{Block, BvhHit, Lanes, LeafRay, Node, Slopes, walk};
     use std::arch::x86_64::*;
 
-    /// The features that [`Avx2`] stands for are those of its walk in
-    /// [`super::super`].
-    #[derive(Clone, Copy)]
-    pub(in super::super) struct Avx2(());
+    /// What AVX2 and AVX-512 have in common: registers of eight, and functions
+    /// that are compiled for the features named.
+    macro_rules! lanes {
+        ($name:ident, $features:literal, $mask:ty, { $($own:item)* }) => {
+            /// The proof that the processor has these features.
+            #[derive(Clone, Copy)]
+            pub(in super::super) struct $name(());
 
-    impl Avx2 {
-        /// # Safety
-        /// The processor must have AVX2.
-        #[inline(always)]
-        pub(in super::super) unsafe fn assume() -> Self {
-            Self(())
-        }
+            impl $name {
+                /// # Safety
+                /// The processor must have the features that `Level` asks for.
+                #[inline(always)]
+                pub(in super::super) unsafe fn assume() -> Self {
+                    Self(())
+                }
+
+                #[inline(never)]
+                #[target_feature(enable = $features)]
+                fn leaf_there(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+                    walk::leaf(self, block, ray, best);
+                }
+
+                #[inline(never)]
+                #[target_feature(enable = $features)]
+                fn parallel_there<const ANY: bool>(
+                    self,
+                    nodes: &[Node],
+                    blocks: &[Block],
+                    root: u32,
+                    ray: &LeafRay,
+                    slopes: &Slopes,
+                    t_max: f32,
+                ) -> BvhHit {
+                    walk::walk_planes::<_, ANY, false>(
+                        self, nodes, blocks, root, ray, slopes, t_max,
+                    )
+                }
+            }
+
+            // SAFETY of every block in here: whoever holds this value has
+            // promised, in `assume`, that the processor has the features;
+            // loads and stores go to arrays of eight and need no alignment;
+            // a prefetch reads nothing.
+            impl Lanes for $name {
+                type F = __m256;
+                type M = $mask;
+                const FUSED: bool = true;
+                #[inline(always)]
+                fn load(self, from: &[f32; 8]) -> __m256 {
+                    unsafe { _mm256_loadu_ps(from.as_ptr()) }
+                }
+                #[inline(always)]
+                fn splat(self, value: f32) -> __m256 {
+                    unsafe { _mm256_set1_ps(value) }
+                }
+                #[inline(always)]
+                fn store(self, value: __m256, to: &mut [f32; 8]) {
+                    unsafe { _mm256_storeu_ps(to.as_mut_ptr(), value) }
+                }
+                #[inline(always)]
+                fn add(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_add_ps(a, b) }
+                }
+                #[inline(always)]
+                fn sub(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_sub_ps(a, b) }
+                }
+                #[inline(always)]
+                fn mul(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_mul_ps(a, b) }
+                }
+                #[inline(always)]
+                fn div(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_div_ps(a, b) }
+                }
+                #[inline(always)]
+                fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+                    unsafe { _mm256_fmadd_ps(a, b, c) }
+                }
+                #[inline(always)]
+                fn min(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_min_ps(a, b) }
+                }
+                #[inline(always)]
+                fn max(self, a: __m256, b: __m256) -> __m256 {
+                    unsafe { _mm256_max_ps(a, b) }
+                }
+                #[inline(always)]
+                fn abs(self, a: __m256) -> __m256 {
+                    unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
+                }
+                #[inline(always)]
+                fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+                    unsafe { self.leaf_there(block, ray, best) }
+                }
+                #[inline(always)]
+                fn walk_parallel<const ANY: bool>(
+                    self,
+                    nodes: &[Node],
+                    blocks: &[Block],
+                    root: u32,
+                    ray: &LeafRay,
+                    slopes: &Slopes,
+                    t_max: f32,
+                ) -> BvhHit {
+                    unsafe { self.parallel_there::<ANY>(nodes, blocks, root, ray, slopes, t_max) }
+                }
+                #[inline(always)]
+                fn prefetch<T>(self, at: &T) {
+                    unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast()) }
+                }
+                $($own)*
+            }
+        };
     }
 
-    #[inline(never)]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn leaf_avx2(l: Avx2, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
-        walk::leaf(l, block, ray, best);
-    }
-
-    #[inline(never)]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn parallel_avx2<const ANY: bool>(
-        l: Avx2,
-        nodes: &[Node],
-        blocks: &[Block],
-        root: u32,
-        ray: &LeafRay,
-        slopes: &Slopes,
-        t_max: f32,
-    ) -> BvhHit {
-        walk::walk_planes::<_, ANY, false>(l, nodes, blocks, root, ray, slopes, t_max)
-    }
-
-    // SAFETY of every block below: whoever holds an `Avx2` has promised, in
-    // `assume`, that the processor has AVX2; loads and stores go to arrays of
-    // eight and need no alignment.
-    impl Lanes for Avx2 {
-        type F = __m256;
-        type M = __m256;
-        const FUSED: bool = true;
-        #[inline(always)]
-        fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-            unsafe { _mm256_fmadd_ps(a, b, c) }
-        }
-        #[inline(always)]
-        fn load(self, from: &[f32; 8]) -> __m256 {
-            unsafe { _mm256_loadu_ps(from.as_ptr()) }
-        }
-        #[inline(always)]
-        fn splat(self, value: f32) -> __m256 {
-            unsafe { _mm256_set1_ps(value) }
-        }
-        #[inline(always)]
-        fn store(self, value: __m256, to: &mut [f32; 8]) {
-            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), value) }
-        }
-        #[inline(always)]
-        fn add(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_add_ps(a, b) }
-        }
-        #[inline(always)]
-        fn sub(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_sub_ps(a, b) }
-        }
-        #[inline(always)]
-        fn mul(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_mul_ps(a, b) }
-        }
-        #[inline(always)]
-        fn min(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_min_ps(a, b) }
-        }
-        #[inline(always)]
-        fn max(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_max_ps(a, b) }
-        }
+    lanes!(Avx2, "avx2,fma,bmi1,bmi2,lzcnt,popcnt", __m256, {
         #[inline(always)]
         fn le(self, a: __m256, b: __m256) -> __m256 {
             unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
@@ -249,14 +289,6 @@ pub(super) mod x86 {
         #[inline(always)]
         fn eq(self, a: __m256, b: __m256) -> __m256 {
             unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(a, b) }
-        }
-        #[inline(always)]
-        fn div(self, a: __m256, b: __m256) -> __m256 {
-            unsafe { _mm256_div_ps(a, b) }
-        }
-        #[inline(always)]
-        fn abs(self, a: __m256) -> __m256 {
-            unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
         }
         #[inline(always)]
         fn select(self, mask: __m256, yes: __m256, no: __m256) -> __m256 {
@@ -274,25 +306,38 @@ pub(super) mod x86 {
         fn bits(self, mask: __m256) -> u32 {
             unsafe { _mm256_movemask_ps(mask) as u32 }
         }
+    });
+
+    // Registers of eight too: what helps is that there are 32 of them, and
+    // masks of their own.
+    lanes!(Avx512, "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt", __mmask8, {
         #[inline(always)]
-        fn walk_parallel<const ANY: bool>(
-            self,
-            nodes: &[Node],
-            blocks: &[Block],
-            root: u32,
-            ray: &LeafRay,
-            slopes: &Slopes,
-            t_max: f32,
-        ) -> BvhHit {
-            unsafe { parallel_avx2::<ANY>(self, nodes, blocks, root, ray, slopes, t_max) }
+        fn le(self, a: __m256, b: __m256) -> __mmask8 {
+            unsafe { _mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
         }
         #[inline(always)]
-        fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
-            unsafe { leaf_avx2(self, block, ray, best) }
+        fn lt(self, a: __m256, b: __m256) -> __mmask8 {
+            unsafe { _mm256_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
         }
         #[inline(always)]
-        fn prefetch<T>(self, at: &T) {
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast()) }
+        fn eq(self, a: __m256, b: __m256) -> __mmask8 {
+            unsafe { _mm256_cmp_ps_mask::<_CMP_EQ_OQ>(a, b) }
         }
-    }
+        #[inline(always)]
+        fn select(self, mask: __mmask8, yes: __m256, no: __m256) -> __m256 {
+            unsafe { _mm256_mask_blend_ps(mask, no, yes) }
+        }
+        #[inline(always)]
+        fn and(self, a: __mmask8, b: __mmask8) -> __mmask8 {
+            a & b
+        }
+        #[inline(always)]
+        fn or(self, a: __mmask8, b: __mmask8) -> __mmask8 {
+            a | b
+        }
+        #[inline(always)]
+        fn bits(self, mask: __mmask8) -> u32 {
+            u32::from(mask)
+        }
+    });
 }

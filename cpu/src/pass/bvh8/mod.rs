@@ -122,6 +122,8 @@ enum Kind {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 impl Level {
@@ -139,6 +141,12 @@ impl Level {
             && is_x86_feature_detected!("popcnt")
         {
             all.push(Self(Kind::Avx2));
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512dq")
+            {
+                all.push(Self(Kind::Avx512));
+            }
         }
         all
     }
@@ -156,6 +164,8 @@ impl Level {
             Kind::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2 => "AVX2",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => "AVX-512",
         }
     }
 }
@@ -236,6 +246,14 @@ fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
     walk::walk::<_, ANY>(l, bvh, ray, faces)
 }
 
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn walk_avx512<const ANY: bool>(bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+    // SAFETY: this function is only called where its features are.
+    let l = unsafe { lanes::x86::Avx512::assume() };
+    walk::walk::<_, ANY>(l, bvh, ray, faces)
+}
+
 /// A triangle's box with the margin of the watertight traversal.
 ///
 /// Four times the margin that the leaf test applies to the triangle's own box,
@@ -310,6 +328,9 @@ impl Bvh8 {
             // the processor for each of the features.
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray, faces) },
+            // SAFETY: the same.
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => unsafe { walk_avx512::<ANY>(self, ray, faces) },
         }
     }
 

@@ -469,6 +469,23 @@ fn leaf_scalar(block: &Block, shear: &RayShear, t_min: f32, mut through: u32, be
     }
 }
 
+/// Asks for all cache lines of a child that waits for its turn.
+#[inline(always)]
+fn fetch<L: Lanes>(l: L, nodes: &[Node], blocks: &[Block], child: u32) {
+    if child & LEAF == 0 {
+        if let Some(node) = nodes.get(child as usize) {
+            for planes in &node.planes {
+                l.prefetch(planes);
+            }
+            l.prefetch(&node.children);
+        }
+    } else if let Some(block) = blocks.get((child & !LEAF) as usize) {
+        for (vertex, axis) in [(0, 0), (0, 2), (1, 1), (2, 0), (2, 2)] {
+            l.prefetch(&block.vertices[vertex][axis]);
+        }
+    }
+}
+
 /// The next child in the mask, and whether it is the last.
 #[inline(always)]
 fn next(mask: &mut u32, starts: &[f32; 8], node: &Node) -> (Entry, bool) {
@@ -522,6 +539,12 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
             let (mut mask, start) = enter::<L, FUSED>(l, node, &ray, t_max, slack);
             if mask == 0 {
                 break;
+            }
+            let mut later = mask & (mask - 1);
+            while later != 0 {
+                let k = (later.trailing_zeros() & 7) as usize;
+                later &= later - 1;
+                fetch(l, nodes, blocks, node.children[k]);
             }
             let mut starts = Row([0.0; 8]);
             l.store(start, &mut starts.0);
