@@ -69,7 +69,7 @@ fn main() {
         let bvh = Bvh::build(&mesh.positions, &mesh.indices, quality).expect("a tree");
         let binary_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let wide = Bvh8::new(bvh.view()).expect("a tree");
+        let wide = bvh.wide().expect("a tree");
         let collapse_ms = start.elapsed().as_secs_f64() * 1e3;
         let positions: Vec<_> = mesh.positions.iter().map(|p| p.to_array()).collect();
         let embree = |robust| {
@@ -83,11 +83,13 @@ fn main() {
         let (plain, robust) = (embree(false), embree(true));
         println!(
             "{name}: {} triangles, binary {binary_ms:.1} ms, collapse {collapse_ms:.1} ms, \
-             Embree {:.1} ms, {:.0} bytes a triangle, {}",
+             Embree {:.1} ms, {:.0} bytes a triangle, {:.2} children a node, \
+             {:.2} triangles a block",
             mesh.indices.len(),
             plain.build_time().as_secs_f64() * 1e3,
             wide.bytes() as f64 / mesh.indices.len() as f64,
-            wide.statistics(),
+            wide.fill().0,
+            wide.fill().1,
         );
         let sets = RaySets::new(&scene, &bvh, count);
         let ray = |r: &Ray| EmbreeRay {
@@ -134,10 +136,10 @@ fn main() {
                 [
                     Box::new(|rs| {
                         rs.iter()
-                            .filter(|r| wide.closest(**r).primitive != BVH_MISS)
+                            .filter(|r| wide.closest(r).primitive != BVH_MISS)
                             .count()
                     }),
-                    Box::new(|rs| rs.iter().filter(|r| wide.any(**r)).count()),
+                    Box::new(|rs| rs.iter().filter(|r| wide.any(r)).count()),
                 ],
             ));
         }

@@ -11,6 +11,7 @@ use obvhs::ray::{Ray as ObvhsRay, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+use raytwin_cpu::pass::bvh8::Bvh8;
 use raytwin_cpu::random::pcg::pcg_hash;
 use raytwin_cpu::ray::bvh::{BVH_MISS, bvh_any, bvh_closest};
 use raytwin_cpu::ray::camera::{Camera, camera_ray};
@@ -173,6 +174,7 @@ fn embree_ray(ray: &Ray) -> EmbreeRay {
 
 enum Kind<'a> {
     Cpu(&'a Bvh),
+    Wide(Bvh8),
     Obvhs(Obvhs),
     Embree(EmbreeScene),
     Gpu(TraversalMesh<'a>),
@@ -202,6 +204,8 @@ impl Engine<'_> {
                 let view = bvh.view();
                 sweep(rays, |r| bvh_any(&view, *r) != 0)
             }
+            (Kind::Wide(w), false) => sweep(rays, |r| w.closest(r).primitive != BVH_MISS),
+            (Kind::Wide(w), true) => sweep(rays, |r| w.any(r)),
             (Kind::Obvhs(o), false) => sweep(rays, |r| o.closest(r).is_some()),
             (Kind::Obvhs(o), true) => sweep(rays, |r| o.any(r)),
             (Kind::Embree(e), false) => sweep(rays, |r| e.intersect(&embree_ray(r)).is_some()),
@@ -221,6 +225,13 @@ impl Engine<'_> {
                     })
                     .collect()
             }
+            Kind::Wide(w) => rays
+                .iter()
+                .map(|r| {
+                    let hit = w.closest(r);
+                    (hit.primitive != BVH_MISS).then_some((hit.t, hit.primitive))
+                })
+                .collect(),
             Kind::Obvhs(o) => rays.iter().map(|r| o.closest(r)).collect(),
             Kind::Embree(e) => rays
                 .iter()
@@ -237,11 +248,14 @@ fn milliseconds(start: Instant) -> f64 {
 
 /// Name of our traversal on the CPU.
 pub const RAYTWIN_CPU: &str = "raytwin cpu";
+/// Name of our traversal with eight children a node, before its instructions.
+pub const RAYTWIN_WIDE: &str = "raytwin cpu, eight wide";
 /// Name of the peer that ratios are to.
 pub const EMBREE: &str = "Embree";
 
 fn open<'a>(
     with: &'a Engines<'a>,
+    mesh: &str,
     positions: &[Vec3],
     indices: &[[u32; 3]],
     bvh: &'a Bvh,
@@ -257,6 +271,13 @@ fn open<'a>(
     };
     if with.cpu {
         add(RAYTWIN_CPU.into(), Some(build_ms), Kind::Cpu(bvh));
+        let start = Instant::now();
+        let wide = bvh.wide().map_err(|source| ReportError::Wide {
+            mesh: mesh.into(),
+            source,
+        })?;
+        let name = format!("{RAYTWIN_WIDE}, {}", wide.level().name());
+        add(name, Some(build_ms + milliseconds(start)), Kind::Wide(wide));
         let start = Instant::now();
         let engine = Obvhs::new(positions, indices);
         add(
@@ -398,7 +419,7 @@ pub fn measure(
     let start = Instant::now();
     let bvh = build(&scene.name, &mesh.positions, &mesh.indices)?;
     let build_ms = milliseconds(start);
-    let engines = open(with, &mesh.positions, &mesh.indices, &bvh, build_ms)?;
+    let engines = open(with, &scene.name, &mesh.positions, &mesh.indices, &bvh, build_ms)?;
     let sets = RaySets::new(scene, &bvh, settings.rays);
 
     let mut times = vec![[const { Vec::new() }; 4]; engines.len()];
@@ -489,7 +510,7 @@ fn build(name: &str, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Bvh, Re
 pub fn measure_family(family: &Family, with: &Engines<'_>) -> Result<Vec<FamilyRow>, ReportError> {
     let mesh = &family.mesh;
     let bvh = build(&family.name, &mesh.positions, &mesh.indices)?;
-    let engines = open(with, &mesh.positions, &mesh.indices, &bvh, 0.0)?;
+    let engines = open(with, &family.name, &mesh.positions, &mesh.indices, &bvh, 0.0)?;
     let subject = Subject {
         name: family.name.clone(),
         positions: mesh.positions.clone(),

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use raytwin::pass::bvh8::Bvh8Fault;
 use raytwin::ray::bvh_build::BvhError;
 use raytwin_tests::embree::EmbreeError;
 use raytwin_tests::gpu::{GpuError, ProgramError};
@@ -22,6 +23,14 @@ pub enum ReportError {
         mesh: String,
         /// What is wrong.
         source: BvhError,
+    },
+    /// A tree cannot be collapsed: a fault of the builder.
+    #[error("{mesh}: {source}")]
+    Wide {
+        /// Which mesh.
+        mesh: String,
+        /// What is wrong.
+        source: Bvh8Fault,
     },
     /// A stage does not run.
     #[error(transparent)]

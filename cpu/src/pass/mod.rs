@@ -1,7 +1,7 @@
-//! Whole images on the processor, as fast as plain Rust allows.
+//! Whole images and many rays on the processor, as fast as Rust allows.
 //!
-//! A pass gives the bits of the technique of the same name, pixel by pixel; it
-//! keeps images as planes and works through them in blocks whose loops the
+//! A pass gives the bits of the technique it is built on (`filter/svgf`, and
+//! `ray/bvh` for `bvh8`), pixel by pixel and ray by ray. A filter keeps images as planes and works through them in blocks whose loops the
 //! compiler turns into vector code. With the feature `rayon` rows run in
 //! parallel.
 

@@ -1,3 +1,4 @@
-//! Whole images: passes built on the techniques of the same name.
+//! Whole images and many rays: passes built on the techniques of the same name.
 
+pub mod bvh8;
 pub mod svgf;

@@ -8,6 +8,8 @@ use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
+use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault};
+pub use raytwin_cpu::pass::bvh8::triangle_box as bvh_triangle_box;
 use raytwin_cpu::ray::bvh::{BVH_STACK, BvhNode, BvhTriangle, BvhView};
 
 /// Largest number of triangles in one tree: 2^26.
@@ -184,8 +186,6 @@ pub struct Bvh {
     /// The triangles in leaf order, each once.
     pub triangles: Vec<BvhTriangle>,
 }
-
-pub use raytwin_cpu::pass::bvh8::triangle_box as bvh_triangle_box;
 
 fn corners(positions: &[Vec3], triangle: usize, indices: [u32; 3]) -> Result<[Vec3; 3], BvhError> {
     let mut out = [Vec3::ZERO; 3];
@@ -401,6 +401,15 @@ impl Bvh {
             nodes: &self.nodes,
             triangles: &self.triangles,
         }
+    }
+
+    /// The same tree with eight children a node, for the processor's vector
+    /// instructions: the same hits, three times as fast.
+    ///
+    /// # Errors
+    /// The first fault found; none in a tree that [`Bvh::build`] has made.
+    pub fn wide(&self) -> Result<Bvh8, Bvh8Fault> {
+        Bvh8::new(self.view())
     }
 
     /// The nodes for `ray/bvh.bindings`: eight words each. An empty tree gives

@@ -30,6 +30,8 @@ struct Plan {
     /// How many of `i + 2` roots go to the first child; 0: one root less does
     /// as well. The last entry is for a node of eight.
     split: [u8; 7],
+    /// The most roots that are of use, up to 7.
+    most: u8,
     /// As one root it is a leaf.
     leaf: bool,
     count: u32,
@@ -96,6 +98,7 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
     const NONE: Plan = Plan {
         cost: [0.0; 7],
         split: [0; 7],
+        most: 1,
         leaf: true,
         count: 0,
     };
@@ -115,13 +118,22 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
         let mut out = NONE;
         out.count = left.count.saturating_add(right.count);
         let mut spread = [f32::INFINITY; 9];
-        for roots in 2..=8usize {
-            for first in 1..roots {
-                let cost = left.cost[first - 1] + right.cost[roots - first - 1];
-                if cost < spread[roots] {
-                    spread[roots] = cost;
-                    out.split[roots - 2] = first as u8;
+        // More roots than binary leaves are of no use.
+        let (most_left, most_right) = (usize::from(left.most), usize::from(right.most));
+        for a in 1..=most_left {
+            for b in 1..=most_right.min(8 - a) {
+                let cost = left.cost[a - 1] + right.cost[b - 1];
+                if cost < spread[a + b] {
+                    spread[a + b] = cost;
+                    out.split[a + b - 2] = a as u8;
                 }
+            }
+        }
+        out.most = (most_left + most_right).min(7) as u8;
+        for roots in 3..=8 {
+            if spread[roots] > spread[roots - 1] {
+                spread[roots] = spread[roots - 1];
+                out.split[roots - 2] = 0;
             }
         }
         let inner = spread[8] + area * NODE_COST;
@@ -154,9 +166,9 @@ struct Collapse<'a> {
 impl Collapse<'_> {
     /// The binary nodes that become the children of `node`, those that an
     /// occlusion query should ask first last: large and cheap ones.
-    fn children(&self, node: u32, out: &mut Vec<(f32, u32)>) {
+    fn children(&self, node: u32, todo: &mut Vec<(u32, usize)>, out: &mut Vec<(f32, u32)>) {
         out.clear();
-        let mut todo = vec![(node, 8)];
+        todo.push((node, 8));
         while let Some((node, roots)) = todo.pop() {
             match self.split(node, roots) {
                 Some((left, right)) => {
@@ -194,9 +206,9 @@ impl Collapse<'_> {
     }
 
     /// The triangles below a node.
-    fn gather(&self, node: u32, out: &mut Vec<BvhTriangle>) {
+    fn gather(&self, node: u32, todo: &mut Vec<u32>, out: &mut Vec<BvhTriangle>) {
         out.clear();
-        let mut todo = vec![node];
+        todo.push(node);
         while let Some(node) = todo.pop() {
             let n = &self.tree.nodes[node as usize];
             if n.count == 0 {
@@ -241,22 +253,24 @@ impl Collapse<'_> {
             return 0;
         }
         let mut children = Vec::new();
+        let mut spread = Vec::new();
+        let mut below = Vec::new();
         let mut triangles = Vec::new();
         let is_leaf = |plans: &[Plan], node: u32| plans[node as usize].leaf;
         if is_leaf(&self.plans, 0) {
-            self.gather(0, &mut triangles);
+            self.gather(0, &mut below, &mut triangles);
             let root = self.tree.nodes[0];
             return self.bunch(root.min, root.max, &triangles);
         }
         self.nodes.push(EMPTY_NODE);
         let mut todo = vec![(0u32, 0usize)];
         while let Some((from, to)) = todo.pop() {
-            self.children(from, &mut children);
+            self.children(from, &mut spread, &mut children);
             let start = todo.len();
             for (slot, &(_, child)) in children.iter().enumerate() {
                 let BvhNode { min, max, .. } = self.tree.nodes[child as usize];
                 let index = if is_leaf(&self.plans, child) {
-                    self.gather(child, &mut triangles);
+                    self.gather(child, &mut below, &mut triangles);
                     self.bunch(min, max, &triangles)
                 } else {
                     let index = self.nodes.len();

@@ -1,5 +1,10 @@
 //! Closest hit and any hit through a tree of eight children a node, eight
-//! boxes or triangles at a time.
+//! boxes or triangles at a time: [`ray/bvh`](crate::ray::bvh) for the
+//! processor's vector instructions, with the same hits, bit for bit.
+//!
+//! The instructions are chosen at run time ([`Level`]), so a plain release
+//! build has them. They are why this module, alone in the crate, has unsafe
+//! code.
 
 mod collapse;
 mod lanes;

@@ -1,0 +1,3 @@
+//! `ray/bvh` with eight children a node, on the CPU.
+
+pub use raytwin_cpu::pass::bvh8::*;
