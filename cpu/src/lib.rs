@@ -29,4 +29,5 @@ pub mod pass;
 pub mod random;
 pub mod ray;
 pub mod sample;
+pub mod simd;
 pub mod temporal;

@@ -47,8 +47,23 @@ pub(crate) const VARIANCE_BITS: u32 = 0x7c00_0000;
 pub(crate) const NORMAL_BITS: u32 = 0x4000_0000;
 /// Least sum of weights to divide by, 2^-40.
 pub(crate) const TOTAL_MIN: f32 = 9.094947e-13;
-/// Where a weight's exponential ends.
-pub(crate) const EXPONENT_MIN: f32 = -40.0;
+/// Where a weight ends: `2^-40`.
+pub(crate) const EXPONENT_MAX: f32 = 40.0;
+/// 1.5 · 2^23: what is added to it, and is below 2^22, is rounded to an integer,
+/// ties to even.
+pub(crate) const ROUND: f32 = 12_582_912.0;
+/// `2^-f = 1 + f·(F1 + …)`, relative error 2^-23.4 on `|f| <= 1/2`.
+pub(crate) const FADE: [f32; 5] = [
+    -0.693147,
+    0.24022242,
+    -0.055507336,
+    0.0096715126,
+    -0.0013264727,
+];
+/// `-128·log2(1 - d/2) = d·(N1 + …)`, such that its power of 2 errs by 2^-24.
+pub(crate) const NORMAL: [f32; 3] = [92.33254, 23.074078, 8.015964];
+/// From here on, the power of 128, [`NORMAL`] is good enough.
+pub(crate) const STEEP: u32 = 7;
 /// Largest step between taps, in pixels.
 const STEP_MAX: u32 = 1 << 20;
 /// log2 e.
@@ -306,6 +321,18 @@ pub fn svgf_normal_weight(normal: Vec3, other_normal: Vec3, squarings: u32) -> f
     1.0 - below
 }
 
+/// `2^-exponent`, for `exponent >= 0`; 0 above 40.
+#[inline(always)]
+fn svgf_fade(exponent: f32) -> f32 {
+    if exponent > EXPONENT_MAX {
+        return 0.0;
+    }
+    let k = (exponent + ROUND) - ROUND;
+    let f = exponent - k;
+    let p = 1.0 + f * (FADE[0] + f * (FADE[1] + f * (FADE[2] + f * (FADE[3] + f * FADE[4]))));
+    p * f32::from_bits((127 - k as i32 as u32) << 23)
+}
+
 /// The three weights in one, with one exponential: [`svgf_depth_weight`] ·
 /// [`svgf_luminance_weight`] · [`svgf_normal_weight`].
 ///
@@ -314,11 +341,15 @@ pub fn svgf_normal_weight(normal: Vec3, other_normal: Vec3, squarings: u32) -> f
 /// of a pixel; 0 leaves that weight out. `difference` is the tap's luminance
 /// less the centre's. The centre itself weighs exactly 1.
 ///
-/// Below 2^-40 the exponential counts as 0: it would add nothing to a sum, and
+/// Below 2^-40 a weight counts as 0: it would add nothing to a sum, and
 /// its square, with which variances are weighed, would be subnormal, which is
 /// slow on many processors.
 ///
-/// Error analysis: that of its parts; the two exponents have one sign.
+/// Error analysis: that of its parts; the exponents have one sign. From 7
+/// squarings on the normals' weight is in the exponent too, as three terms of
+/// `-log2(1 - y)` with `y = |n - n'|²/2`: where they are not enough, the weight
+/// is small, and it never errs by more than 2^-24. `x·2^-x` is at most 0.54, so
+/// an exponent's own error leaves less than it is.
 #[inline]
 #[must_use]
 pub fn svgf_weight(
@@ -330,14 +361,24 @@ pub fn svgf_weight(
     luminance_falloff: f32,
     squarings: u32,
 ) -> f32 {
-    let plane = vec3_dot(normal, offset).abs() * depth_falloff;
-    let apart = difference.abs() * luminance_falloff;
-    let shape = svgf_normal_weight(normal, other_normal, squarings);
-    let exponent = -LOG2_E * (plane + apart);
-    if exponent < EXPONENT_MIN {
-        return 0.0;
+    // All that is the centre's comes first: a loop over taps takes it out.
+    let steep = LOG2_E * depth_falloff;
+    let across = Vec3::new(normal.x * steep, normal.y * steep, normal.z * steep);
+    let plane = vec3_dot(across, offset).abs();
+    let apart = difference.abs() * (LOG2_E * luminance_falloff);
+    let exponent = plane + apart;
+    if squarings < STEEP {
+        return svgf_normal_weight(normal, other_normal, squarings) * svgf_fade(exponent);
     }
-    shape * exp2_poly(exponent)
+    let turned = Vec3::new(
+        other_normal.x - normal.x,
+        other_normal.y - normal.y,
+        other_normal.z - normal.z,
+    );
+    let d = vec3_dot(turned, turned);
+    let power = (1 << (squarings.min(16) - STEEP)) as f32;
+    let bent = d * (power * NORMAL[0] + d * (power * NORMAL[1] + d * (power * NORMAL[2])));
+    svgf_fade(exponent + bent)
 }
 
 /// B3 spline: 3/8, 1/4, 1/16.

@@ -2,43 +2,87 @@
 //!
 //! [`SvgfPass`] keeps an image as planes and gives at every pixel the bits of
 //! `svgf_atrous_pixel` (three channels) or `svgf_atrous_scalar_pixel` (one),
-//! whose source says what is computed; here is only how.
+//! whose source says what is computed; here is only how:
 //!
-//! Rows are padded by what the widest pass reaches, and pixels that are no data
-//! have a mask of 0: so the inner loops have no branch, and where a block and
-//! its taps are all data they have no mask either.
+//! - Pixels are worked on in blocks of [`LANES`], a tap's weight in short loops
+//!   over the block, so that the processor has many independent operations at
+//!   hand. Rows are padded by what the widest pass reaches, and pixels that are
+//!   no data have a mask of 0: the loops have no branch, and where a block and
+//!   its taps are all data they have no mask either.
+//! - Rows `step` apart, which share four of five rows of taps, come one after
+//!   the other: what they read stays in the second cache at any image size.
+//! - [`crate::simd`] chooses the vector instructions.
 
 // Lanes index a dozen arrays at once.
 #![allow(clippy::needless_range_loop)]
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::UVec2;
 
 use crate::filter::svgf::{
-    EXPONENT_MIN, LOG2_E, NORMAL_BITS, SVGF_VALUE_MAX, SvgfSettings, SvgfSurface, TOTAL_MIN,
-    VALUE_BITS, VARIANCE_BITS, svgf_falloff, svgf_luminance_scale,
+    EXPONENT_MAX, FADE, LOG2_E, NORMAL, NORMAL_BITS, ROUND, STEEP, SVGF_VALUE_MAX, SvgfSettings,
+    SvgfSurface, TOTAL_MIN, VALUE_BITS, VARIANCE_BITS, svgf_falloff, svgf_luminance_scale,
 };
+use crate::simd::{self, SimdLevel};
 
-/// Pixels that are worked on together: what they need stays in registers and
-/// the first cache.
-const LANES: usize = 32;
+/// Pixels that are worked on together.
+const LANES: usize = 128;
+
+/// Blocks that are worked on before the next row.
+const STRIP: usize = 4;
+
+/// Rows that follow each other, `step` apart.
+const BAND: usize = 16;
+
+/// Numbers in a line of the cache.
+const LINE: usize = 16;
 
 /// Planes of a surface: position, normal, reach.
 const SURFACE: usize = 7;
-const NORMAL: usize = 3;
 const REACH: usize = 6;
 
-/// Planes of a prepared image after its channels.
-const VARIANCE: usize = 0;
-const LUMINANCE: usize = 1;
-/// 1 where the sample and the surface are data.
-const MASK: usize = 2;
+/// Planes that say what is data: 1 where the sample and the surface are.
+const MASK: usize = 0;
 /// 1 where the variance is data.
-const VARIANCE_MASK: usize = 3;
+const VARIANCE_MASK: usize = 1;
 /// 1 where the sample is data.
-const KNOWN: usize = 4;
-const PREPARED: usize = 5;
+const KNOWN: usize = 2;
+const MASKS: usize = 3;
 
 type Block = [f32; LANES];
+
+/// Numbers from the start of a line of the cache on.
+#[derive(Debug)]
+struct Planes {
+    data: Vec<f32>,
+    start: usize,
+    len: usize,
+}
+
+impl Planes {
+    fn new(len: usize) -> Self {
+        let data = vec![0.0f32; len + LINE];
+        let start = data.as_ptr().align_offset(4 * LINE).min(LINE);
+        Self { data, start, len }
+    }
+
+    fn all(&self) -> &[f32] {
+        &self.data[self.start..self.start + self.len]
+    }
+
+    fn all_mut(&mut self) -> &mut [f32] {
+        &mut self.data[self.start..self.start + self.len]
+    }
+}
+
+impl Clone for Planes {
+    fn clone(&self) -> Self {
+        let mut new = Self::new(self.len);
+        new.all_mut().copy_from_slice(self.all());
+        new
+    }
+}
 
 /// The filter for images of one size, with `C` channels: 1 (shadow, ambient
 /// occlusion) or 3 (colours). Create it once.
@@ -46,16 +90,21 @@ type Block = [f32; LANES];
 pub struct SvgfPass<const C: usize> {
     size: UVec2,
     settings: SvgfSettings,
+    level: SimdLevel,
     /// Padding on each side of a row, and a row's length with it.
     margin: usize,
     pitch: usize,
     /// By row, then by plane.
-    surfaces: Vec<f32>,
-    prepared: Vec<f32>,
+    surfaces: Planes,
+    /// By row: the channels, the variance, and a colour's luminance.
+    image: Planes,
+    /// What a pass writes.
+    next: Planes,
+    masks: Planes,
     /// By row: how many pixels before one are no data.
     gaps: Vec<u32>,
-    /// By row, then by channel and variance; without padding.
-    image: Vec<f32>,
+    /// Whether masks and luminance are still to be made.
+    raw: bool,
 }
 
 /// Applies `work` to each row, in parallel with the feature `rayon`.
@@ -71,6 +120,27 @@ fn for_rows<T: Send>(data: &mut [T], row: usize, work: impl Fn(usize, &mut [T]) 
     for (y, row) in data.chunks_mut(row).enumerate() {
         work(y, row);
     }
+}
+
+/// Rows and their numbers.
+type Rows<'a> = Vec<(usize, &'a mut [f32])>;
+
+/// Applies `work` to groups of rows that are `step` apart, in parallel with the
+/// feature `rayon`.
+fn for_bands(data: &mut [f32], row: usize, step: usize, work: impl Fn(Rows<'_>) + Sync + Send) {
+    let rows = data.len() / row;
+    let mut bands: Vec<Rows<'_>> = Vec::new();
+    bands.resize_with(rows.div_ceil(step * BAND) * step, Vec::new);
+    for (y, row) in data.chunks_mut(row).enumerate() {
+        bands[y / (step * BAND) * step + y % step].push((y, row));
+    }
+    #[cfg(feature = "rayon")]
+    {
+        use rayon::prelude::*;
+        bands.into_par_iter().for_each(work);
+    }
+    #[cfg(not(feature = "rayon"))]
+    bands.into_iter().for_each(work);
 }
 
 /// `LANES` values from here on.
@@ -90,24 +160,25 @@ fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// `exp2_poly` from [`EXPONENT_MIN`] to 0, and 0 below; without branches and without `floor`, which on
-/// x86-64 before SSE 4.1 is a call.
+/// The kit's luminance of a colour; the first channel of anything else.
 #[inline(always)]
-fn exp2_falling(x: f32) -> f32 {
-    // 1.5 · 2^23: adding it rounds to an integer.
-    const ROUND: f32 = 12_582_912.0;
-    let x_kept = most(x, EXPONENT_MIN);
-    let y = x_kept + 0.5;
-    let nearest = (y + ROUND) - ROUND;
-    let k = nearest - if nearest > y { 1.0 } else { 0.0 };
-    let f = x_kept - k;
-    let p = 1.0
-        + f * (0.6931472
-            + f * (0.24022648
-                + f * (0.0555036 + f * (0.009618506 + f * (0.0013390806 + f * 0.00015326463)))));
-    let integer = (k + ROUND).to_bits().wrapping_sub(ROUND.to_bits());
-    let scale = f32::from_bits(integer.wrapping_add(127) << 23);
-    if x < EXPONENT_MIN { 0.0 } else { p * scale }
+fn luminance<const C: usize>(v: [f32; C]) -> f32 {
+    if C == 3 {
+        (0.2126 * v[0] + 0.7152 * v[1]) + 0.0722 * v[2]
+    } else {
+        v[0]
+    }
+}
+
+/// `svgf_fade` without branches. The sum that rounds has the power of two in its
+/// last bits.
+#[inline(always)]
+fn fade(exponent: f32) -> f32 {
+    let rounded = ROUND - exponent;
+    let f = exponent + (rounded - ROUND);
+    let p = 1.0 + f * (FADE[0] + f * (FADE[1] + f * (FADE[2] + f * (FADE[3] + f * FADE[4]))));
+    let scaled = f32::from_bits(p.to_bits().wrapping_add(rounded.to_bits() << 23));
+    if exponent > EXPONENT_MAX { 0.0 } else { scaled }
 }
 
 /// B3 spline of tap `k` of `0..=2 * radius`.
@@ -118,55 +189,6 @@ fn spline(k: usize, radius: usize) -> f32 {
         1 => 0.25,
         _ => 0.0625,
     }
-}
-
-/// `svgf_gaussian_pixel` of a block.
-#[inline(always)]
-fn gaussian<'a>(
-    variance: &impl Fn(usize) -> &'a [f32],
-    mask: &impl Fn(usize) -> &'a [f32],
-    whole: &impl Fn(usize, usize, usize) -> bool,
-    y: usize,
-    height: usize,
-    at: usize,
-) -> Block {
-    let (mut sum, mut total): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
-    let (mut low, mut high): (Block, Block) = ([f32::MAX; LANES], [0.0; LANES]);
-    for row in y.saturating_sub(1)..(y + 2).min(height) {
-        let complete = whole(row, at - 1, at + LANES + 1);
-        for from in at - 1..=at + 1 {
-            let across = if from == at { 0.5 } else { 0.25 };
-            let w = across * if row == y { 0.5 } else { 0.25 };
-            let v = block(variance(row), from);
-            if complete {
-                for l in 0..LANES {
-                    sum[l] += w * v[l];
-                    total[l] += w;
-                    low[l] = least(low[l], v[l]);
-                    high[l] = most(high[l], v[l]);
-                }
-            } else {
-                let m = block(mask(row), from);
-                for l in 0..LANES {
-                    let w = w * m[l];
-                    sum[l] += w * v[l];
-                    total[l] += w;
-                    low[l] = if m[l] > 0.0 {
-                        least(low[l], v[l])
-                    } else {
-                        low[l]
-                    };
-                    high[l] = most(high[l], v[l]);
-                }
-            }
-        }
-    }
-    let mut out = [0.0; LANES];
-    for l in 0..LANES {
-        let mean = most(least(sum[l] / total[l], high[l]), low[l]);
-        out[l] = if total[l] > 0.0 { mean } else { 0.0 };
-    }
-    out
 }
 
 /// What a block has gathered.
@@ -183,63 +205,352 @@ struct Centres<'a> {
     position: [&'a Block; 3],
     normal: [&'a Block; 3],
     luminance: &'a Block,
-    depth_falloff: Block,
+    /// The normal, times log2 e and the falloff with the distance.
+    across: [Block; 3],
     luminance_falloff: Block,
 }
 
-/// Adds the tap at one offset to each pixel of a block. `s` and `p` are planes
-/// of the tap's row, `at` its place in them.
+/// How normals weigh.
+#[derive(Clone, Copy)]
+struct Normals {
+    squarings: u32,
+    /// `NORMAL`, times the power over 128.
+    steep: [f32; 3],
+}
+
+/// Planes of a row.
+struct Row<'a, const C: usize> {
+    surface: [&'a [f32]; SURFACE],
+    channels: [&'a [f32]; C],
+    variance: &'a [f32],
+    luminance: &'a [f32],
+    masks: [&'a [f32]; MASKS],
+    gaps: &'a [u32],
+}
+
+impl<const C: usize> Row<'_, C> {
+    /// Whether all is data from here to there.
+    #[inline(always)]
+    fn whole(&self, from: usize, to: usize) -> bool {
+        self.gaps[to] == self.gaps[from]
+    }
+}
+
+/// Adds taps of one row to each pixel of a block. `at` are their places in the
+/// row, for the block's first pixel. `weights` and `below` are for scratch.
 #[inline(always)]
-fn add_tap<const C: usize, const SQUARINGS: u32, const MASKED: bool>(
+#[allow(clippy::too_many_arguments)]
+fn add_taps<const C: usize, const N: usize, const MASKED: bool>(
     sums: &mut Sums<C>,
+    weights: &mut [Block; N],
+    below: &mut [Block; N],
     centre: &Centres<'_>,
-    s: &[&[f32]; SURFACE],
-    channels: &[&[f32]; C],
-    p: &[&[f32]; PREPARED],
-    at: usize,
-    spline: f32,
+    normals: Normals,
+    row: &Row<'_, C>,
+    at: [usize; N],
+    splines: [f32; N],
 ) {
-    let [px, py, pz, nx, ny, nz] = std::array::from_fn(|k| block(s[k], at));
-    let values: [&Block; C] = std::array::from_fn(|c| block(channels[c], at));
-    let variance = block(p[VARIANCE], at);
-    let luminance = block(p[LUMINANCE], at);
-    let mask = block(p[MASK], at);
+    let planes: [[&Block; 6]; N] =
+        std::array::from_fn(|j| std::array::from_fn(|k| block(row.surface[k], at[j])));
+    let luminances: [&Block; N] = std::array::from_fn(|j| block(row.luminance, at[j]));
     let [cx, cy, cz] = centre.position;
-    let [ux, uy, uz] = centre.normal;
-    let mut weight: Block = [0.0; LANES];
+    let [ux, uy, uz] = &centre.across;
     for l in 0..LANES {
-        let (tx, ty, tz) = (px[l] - cx[l], py[l] - cy[l], pz[l] - cz[l]);
-        let plane = ((ux[l] * tx + uy[l] * ty) + uz[l] * tz).abs() * centre.depth_falloff[l];
-        let apart = (luminance[l] - centre.luminance[l]).abs() * centre.luminance_falloff[l];
-        let (dx, dy, dz) = (nx[l] - ux[l], ny[l] - uy[l], nz[l] - uz[l]);
-        let mut below = least(0.5 * ((dx * dx + dy * dy) + dz * dz), 1.0);
-        for _ in 0..SQUARINGS {
-            below = below * (2.0 - below);
+        for j in 0..N {
+            let [px, py, pz, ..] = planes[j];
+            let (tx, ty, tz) = (px[l] - cx[l], py[l] - cy[l], pz[l] - cz[l]);
+            let plane = ((ux[l] * tx + uy[l] * ty) + uz[l] * tz).abs();
+            let apart =
+                (luminances[j][l] - centre.luminance[l]).abs() * centre.luminance_falloff[l];
+            weights[j][l] = plane + apart;
         }
-        let w = spline * ((1.0 - below) * exp2_falling(-LOG2_E * (plane + apart)));
-        weight[l] = if MASKED { w * mask[l] } else { w };
     }
-    for c in 0..C {
+    let [nx, ny, nz] = centre.normal;
+    let [a, b, c] = normals.steep;
+    if normals.squarings < STEEP {
         for l in 0..LANES {
-            let v = values[c][l];
-            sums.value[c][l] += v * weight[l];
-            // Where there is no data v is 0.
-            let gap = if MASKED {
-                (1.0 - mask[l]) * SVGF_VALUE_MAX
-            } else {
-                0.0
-            };
-            sums.low[c][l] = least(sums.low[c][l], v + gap);
-            sums.high[c][l] = most(sums.high[c][l], v - gap);
+            for j in 0..N {
+                let [.., px, py, pz] = planes[j];
+                let (dx, dy, dz) = (px[l] - nx[l], py[l] - ny[l], pz[l] - nz[l]);
+                below[j][l] = least(0.5 * ((dx * dx + dy * dy) + dz * dz), 1.0);
+            }
+        }
+        for _ in 0..normals.squarings {
+            for j in 0..N {
+                for y in &mut below[j] {
+                    *y = *y * (2.0 - *y);
+                }
+            }
+        }
+        for j in 0..N {
+            for l in 0..LANES {
+                weights[j][l] = (1.0 - below[j][l]) * fade(weights[j][l]);
+            }
+        }
+    } else {
+        for l in 0..LANES {
+            for j in 0..N {
+                let [.., px, py, pz] = planes[j];
+                let (dx, dy, dz) = (px[l] - nx[l], py[l] - ny[l], pz[l] - nz[l]);
+                let d = (dx * dx + dy * dy) + dz * dz;
+                weights[j][l] += d * (a + d * (b + d * c));
+            }
+        }
+        for j in 0..N {
+            for w in &mut weights[j] {
+                *w = fade(*w);
+            }
         }
     }
+    add_weighed::<C, N, MASKED>(sums, weights, row, at, splines);
+}
+
+/// Adds taps whose weights are known but for the spline.
+#[inline(always)]
+fn add_weighed<const C: usize, const N: usize, const MASKED: bool>(
+    sums: &mut Sums<C>,
+    weights: &[Block; N],
+    row: &Row<'_, C>,
+    at: [usize; N],
+    splines: [f32; N],
+) {
+    let values: [[&Block; N]; C] =
+        std::array::from_fn(|c| std::array::from_fn(|j| block(row.channels[c], at[j])));
+    let variances: [&Block; N] = std::array::from_fn(|j| block(row.variance, at[j]));
+    let masks: [&Block; N] = std::array::from_fn(|j| block(row.masks[MASK], at[j]));
     for l in 0..LANES {
-        sums.variance[l] += (weight[l] * weight[l]) * variance[l];
-        sums.total[l] += weight[l];
+        let w: [f32; N] = std::array::from_fn(|j| {
+            let w = splines[j] * weights[j][l];
+            if MASKED { w * masks[j][l] } else { w }
+        });
+        for c in 0..C {
+            let (mut sum, mut low, mut high) = (sums.value[c][l], sums.low[c][l], sums.high[c][l]);
+            for j in 0..N {
+                let v = values[c][j][l];
+                sum += v * w[j];
+                // Where there is no data v is 0.
+                let gap = if MASKED {
+                    (1.0 - masks[j][l]) * SVGF_VALUE_MAX
+                } else {
+                    0.0
+                };
+                low = least(low, v + gap);
+                high = most(high, v - gap);
+            }
+            (sums.value[c][l], sums.low[c][l], sums.high[c][l]) = (sum, low, high);
+        }
+        let (mut variance, mut total) = (sums.variance[l], sums.total[l]);
+        for j in 0..N {
+            variance += (w[j] * w[j]) * variances[j][l];
+            total += w[j];
+        }
+        (sums.variance[l], sums.total[l]) = (variance, total);
+    }
+}
+
+/// `svgf_gaussian_pixel` of a block, from the rows above to below.
+#[inline(always)]
+fn gaussian<const C: usize>(rows: &[Option<Row<'_, C>>; 3], at: usize) -> Block {
+    let (mut sum, mut total): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
+    let (mut low, mut high): (Block, Block) = ([f32::MAX; LANES], [0.0; LANES]);
+    for (k, row) in rows.iter().enumerate() {
+        let Some(row) = row else { continue };
+        let down = if k == 1 { 0.5 } else { 0.25 };
+        let weights = [0.25 * down, 0.5 * down, 0.25 * down];
+        let variances: [&Block; 3] = std::array::from_fn(|j| block(row.variance, at + j - 1));
+        if row.whole(at - 1, at + LANES + 1) {
+            for l in 0..LANES {
+                for j in 0..3 {
+                    let v = variances[j][l];
+                    sum[l] += weights[j] * v;
+                    total[l] += weights[j];
+                    low[l] = least(low[l], v);
+                    high[l] = most(high[l], v);
+                }
+            }
+        } else {
+            let masks: [&Block; 3] =
+                std::array::from_fn(|j| block(row.masks[VARIANCE_MASK], at + j - 1));
+            for l in 0..LANES {
+                for j in 0..3 {
+                    let (v, m) = (variances[j][l], masks[j][l]);
+                    let w = weights[j] * m;
+                    sum[l] += w * v;
+                    total[l] += w;
+                    low[l] = if m > 0.0 { least(low[l], v) } else { low[l] };
+                    high[l] = most(high[l], v);
+                }
+            }
+        }
+    }
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let mean = most(least(sum[l] / total[l], high[l]), low[l]);
+        out[l] = if total[l] > 0.0 { mean } else { 0.0 };
+    }
+    out
+}
+
+/// One pass over rows that are `step` apart.
+struct Gather<'a, const C: usize> {
+    pass: &'a SvgfPass<C>,
+    step: usize,
+    rows: Rows<'a>,
+    /// Set where a pixel's result is no data.
+    broken: &'a AtomicBool,
+}
+
+impl<const C: usize> simd::Work for Gather<'_, C> {
+    #[inline(always)]
+    fn run(self) {
+        if self.pass.settings.radius >= 2 {
+            gather::<C, 5, 2>(self);
+        } else if self.pass.settings.radius == 1 {
+            gather::<C, 3, 1>(self);
+        } else {
+            gather::<C, 1, 0>(self);
+        }
+    }
+}
+
+/// `WIDE` is `2 * RADIUS + 1`.
+#[inline(always)]
+fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'_, C>) {
+    let Gather {
+        pass,
+        step,
+        mut rows,
+        broken,
+    } = work;
+    let (width, height) = (pass.size.x as usize, pass.size.y as usize);
+    let (mut weights, mut below) = ([[0.0; LANES]; WIDE], [[0.0; LANES]; WIDE]);
+    let mut side_weights = [[0.0; LANES]; RADIUS];
+    let mut side_below = [[0.0; LANES]; RADIUS];
+    let squarings = pass.settings.squarings.min(16);
+    let power = f32::from(1u16 << squarings.saturating_sub(STEEP));
+    let normals = Normals {
+        squarings,
+        steep: NORMAL.map(|x| power * x),
+    };
+    for strip in (0..width).step_by(STRIP * LANES) {
+        for (y, out) in &mut rows {
+            let y = *y;
+            let own = pass.planes(y);
+            let around: [Option<Row<'_, C>>; 3] =
+                std::array::from_fn(|k| pass.row_at((y + k).checked_sub(1)));
+            let taps: [Option<Row<'_, C>>; WIDE] =
+                std::array::from_fn(|k| pass.row_at((y + k * step).checked_sub(RADIUS * step)));
+            for x in (strip..width.min(strip + STRIP * LANES)).step_by(LANES) {
+                let at = pass.margin + x;
+                let count = LANES.min(width - x);
+                let reach = block(own.surface[REACH], at);
+                let known = block(own.masks[KNOWN], at);
+                let smooth = gaussian(&around, at);
+                let mut centre = Centres {
+                    position: std::array::from_fn(|k| block(own.surface[k], at)),
+                    normal: std::array::from_fn(|k| block(own.surface[3 + k], at)),
+                    luminance: block(own.luminance, at),
+                    across: [[0.0; LANES]; 3],
+                    luminance_falloff: [0.0; LANES],
+                };
+                for l in 0..LANES {
+                    let steep = LOG2_E * svgf_falloff(pass.settings.sigma_depth * reach[l]);
+                    for k in 0..3 {
+                        centre.across[k][l] = centre.normal[k][l] * steep;
+                    }
+                    let scale = svgf_luminance_scale(
+                        smooth[l],
+                        centre.luminance[l],
+                        pass.settings.sigma_luminance,
+                    );
+                    centre.luminance_falloff[l] = (LOG2_E * svgf_falloff(scale)) * known[l];
+                }
+                let mut sums = Sums::<C> {
+                    value: [[0.0; LANES]; C],
+                    low: [[SVGF_VALUE_MAX; LANES]; C],
+                    high: [[-SVGF_VALUE_MAX; LANES]; C],
+                    variance: [0.0; LANES],
+                    total: [0.0; LANES],
+                };
+                for (k, row) in taps.iter().enumerate() {
+                    let Some(row) = row else { continue };
+                    let from = at - RADIUS * step;
+                    let whole = row.whole(from, at + RADIUS * step + LANES);
+                    let places: [usize; WIDE] = std::array::from_fn(|j| from + j * step);
+                    let splines: [f32; WIDE] =
+                        std::array::from_fn(|j| spline(j, RADIUS) * spline(k, RADIUS));
+                    macro_rules! add {
+                        ($places:expr, $splines:expr, $weights:expr, $below:expr) => {
+                            if whole {
+                                add_taps::<C, _, false>(
+                                    &mut sums, $weights, $below, &centre, normals, row, $places,
+                                    $splines,
+                                );
+                            } else {
+                                add_taps::<C, _, true>(
+                                    &mut sums, $weights, $below, &centre, normals, row, $places,
+                                    $splines,
+                                );
+                            }
+                        };
+                    }
+                    if k == RADIUS {
+                        // The centre weighs 1: no need to find that out.
+                        let left: [usize; RADIUS] = std::array::from_fn(|j| places[j]);
+                        let right: [usize; RADIUS] =
+                            std::array::from_fn(|j| places[RADIUS + 1 + j]);
+                        let first: [f32; RADIUS] = std::array::from_fn(|j| splines[j]);
+                        let last: [f32; RADIUS] = std::array::from_fn(|j| splines[RADIUS + 1 + j]);
+                        add!(left, first, &mut side_weights, &mut side_below);
+                        add_weighed::<C, 1, true>(
+                            &mut sums,
+                            &[[1.0; LANES]],
+                            row,
+                            [at],
+                            [splines[RADIUS]],
+                        );
+                        add!(right, last, &mut side_weights, &mut side_below);
+                    } else {
+                        add!(places, splines, &mut weights, &mut below);
+                    }
+                }
+                let mut results = [[0.0; LANES]; C];
+                let (mut variance, mut light): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
+                let mut bad = 0u32;
+                for l in 0..LANES {
+                    let surfaceless = reach[l] <= 0.0;
+                    let nothing = sums.total[l] < TOTAL_MIN;
+                    for c in 0..C {
+                        let mean = sums.value[c][l] / sums.total[l];
+                        let kept = least(most(mean, sums.low[c][l]), sums.high[c][l]);
+                        let filled = if nothing { 0.0 } else { kept };
+                        let own = block(own.channels[c], at)[l];
+                        results[c][l] = if surfaceless { own } else { filled };
+                    }
+                    let spread = (sums.variance[l] / sums.total[l]) / sums.total[l];
+                    let filled = if nothing { 0.0 } else { spread };
+                    let own = block(own.variance, at)[l] * known[l];
+                    variance[l] = if surfaceless { own } else { filled };
+                    light[l] = luminance::<C>(std::array::from_fn(|c| results[c][l]));
+                    bad |= u32::from(variance[l].to_bits() >= VARIANCE_BITS);
+                }
+                if bad != 0 {
+                    broken.store(true, Ordering::Relaxed);
+                }
+                let planes = results.iter().chain([&variance]).chain([&light]);
+                for (plane, values) in out.chunks_exact_mut(pass.pitch).zip(planes) {
+                    plane[at..at + count].copy_from_slice(&values[..count]);
+                }
+            }
+        }
     }
 }
 
 impl<const C: usize> SvgfPass<C> {
+    /// Planes of an image: the channels, the variance, a colour's luminance.
+    const IMAGE: usize = C + 1 + if C == 3 { 1 } else { 0 };
+    const LUMINANCE: usize = if C == 3 { C + 1 } else { 0 };
+
     /// For images of this size. A colour's luminance is Rec. 709's; an image of
     /// one channel is its own. Each side is below 2^20; a pass has at most 16
     /// steps.
@@ -247,18 +558,34 @@ impl<const C: usize> SvgfPass<C> {
     pub fn new(size: UVec2, settings: SvgfSettings) -> Self {
         let (width, height) = (size.x as usize, size.y as usize);
         let widest = 1usize << settings.passes.clamp(1, 16).saturating_sub(1);
-        let margin = (settings.radius.min(2) as usize * widest).max(1);
-        let pitch = margin + width.next_multiple_of(LANES) + margin;
+        let margin = (settings.radius.min(2) as usize * widest)
+            .max(1)
+            .next_multiple_of(LINE);
+        // An odd number of lines: planes and rows fall on different places of
+        // the caches.
+        let lines = (2 * margin + width.next_multiple_of(LANES)) / LINE;
+        let pitch = (lines | 1) * LINE;
         Self {
             size,
             settings,
+            level: SimdLevel::best(),
             margin,
             pitch,
-            surfaces: vec![0.0; height * SURFACE * pitch],
-            prepared: vec![0.0; height * (C + PREPARED) * pitch],
+            surfaces: Planes::new(height * SURFACE * pitch),
+            image: Planes::new(height * Self::IMAGE * pitch),
+            next: Planes::new(height * Self::IMAGE * pitch),
+            masks: Planes::new(height * MASKS * pitch),
             gaps: vec![0; height * (pitch + 1)],
-            image: vec![0.0; height * (C + 1) * width],
+            raw: true,
         }
+    }
+
+    /// With these vector instructions in place of the widest that the machine
+    /// has. The results are the same.
+    #[must_use]
+    pub fn with_level(mut self, level: SimdLevel) -> Self {
+        self.level = level;
+        self
     }
 
     /// Width and height.
@@ -269,11 +596,9 @@ impl<const C: usize> SvgfPass<C> {
 
     /// The surfaces of a frame; what is no data counts as none.
     pub fn set_surfaces(&mut self, read: impl Fn(UVec2) -> SvgfSurface + Sync + Send) {
-        if self.size.x == 0 {
-            return;
-        }
+        self.raw = true;
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
-        for_rows(&mut self.surfaces, SURFACE * pitch, |y, row| {
+        for_rows(self.surfaces.all_mut(), SURFACE * pitch, |y, row| {
             for x in 0..width {
                 let mut s = read(UVec2::new(x as u32, y as u32));
                 let bits = |v: glam::Vec3| {
@@ -310,15 +635,13 @@ impl<const C: usize> SvgfPass<C> {
 
     /// The image to filter, and the variance of its luminance.
     pub fn set_image(&mut self, read: impl Fn(UVec2) -> ([f32; C], f32) + Sync + Send) {
-        if self.size.x == 0 {
-            return;
-        }
-        let width = self.size.x as usize;
-        for_rows(&mut self.image, (C + 1) * width, |y, row| {
+        self.raw = true;
+        let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
+        for_rows(self.image.all_mut(), Self::IMAGE * pitch, |y, row| {
             for x in 0..width {
                 let (value, variance) = read(UVec2::new(x as u32, y as u32));
                 for (c, v) in value.into_iter().chain([variance]).enumerate() {
-                    row[c * width + x] = v;
+                    row[c * pitch + margin + x] = v;
                 }
             }
         });
@@ -331,9 +654,8 @@ impl<const C: usize> SvgfPass<C> {
     #[must_use]
     pub fn row(&self, y: u32, channel: usize) -> &[f32] {
         assert!(channel <= C, "channel {channel} of {C} and the variance");
-        let width = self.size.x as usize;
-        let start = (y as usize * (C + 1) + channel) * width;
-        &self.image[start..start + width]
+        let start = (y as usize * Self::IMAGE + channel) * self.pitch + self.margin;
+        &self.image.all()[start..start + self.size.x as usize]
     }
 
     /// A pixel's value and variance.
@@ -366,63 +688,86 @@ impl<const C: usize> SvgfPass<C> {
         if self.size.x == 0 || self.size.y == 0 {
             return;
         }
-        self.prepare();
-        match self.settings.squarings {
-            5 => self.gather::<5>(step),
-            7 => self.gather::<7>(step),
-            n if n < 5 => match n {
-                0 => self.gather::<0>(step),
-                1 => self.gather::<1>(step),
-                2 => self.gather::<2>(step),
-                3 => self.gather::<3>(step),
-                _ => self.gather::<4>(step),
-            },
-            6 => self.gather::<6>(step),
-            8 => self.gather::<8>(step),
-            9 => self.gather::<9>(step),
-            10 => self.gather::<10>(step),
-            _ => self.gather::<16>(step),
+        if self.raw {
+            self.prepare();
         }
+        let step = step.min(1 << self.settings.passes.clamp(1, 16).saturating_sub(1)) as usize;
+        let mut next = std::mem::replace(&mut self.next, Planes::new(0));
+        let (pass, broken) = (&*self, &AtomicBool::new(false));
+        for_bands(
+            next.all_mut(),
+            Self::IMAGE * self.pitch,
+            step.max(1),
+            |rows| {
+                let work = Gather {
+                    pass,
+                    step,
+                    rows,
+                    broken,
+                };
+                simd::run(pass.level, work);
+            },
+        );
+        self.raw |= broken.load(Ordering::Relaxed);
+        self.next = std::mem::replace(&mut self.image, next);
     }
 
-    /// Copies the image into padded planes with masks and luminance.
+    /// Says what is data, and makes 0 of what is not.
     fn prepare(&mut self) {
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
-        let (image, surfaces) = (&self.image, &self.surfaces);
-        for_rows(&mut self.prepared, (C + PREPARED) * pitch, |y, row| {
-            let from = &image[y * (C + 1) * width..(y + 1) * (C + 1) * width];
+        let (image, surfaces) = (self.image.all(), self.surfaces.all());
+        let size = |v: f32| v.to_bits() & 0x7fff_ffff;
+        let unknown = AtomicBool::new(false);
+        for_rows(self.masks.all_mut(), MASKS * pitch, |y, row| {
             let reach = &surfaces[(y * SURFACE + REACH) * pitch + margin..][..width];
+            let plane = |k: usize| &image[(y * Self::IMAGE + k) * pitch + margin..][..width];
+            let (channels, variance): ([&[f32]; C], _) = (std::array::from_fn(plane), plane(C));
+            let (usable, rest) = row.split_at_mut(pitch);
+            let (known_variance, known) = rest.split_at_mut(pitch);
+            let usable = &mut usable[margin..][..width];
+            let known_variance = &mut known_variance[margin..][..width];
+            let known = &mut known[margin..][..width];
+            let mut all = true;
             for x in 0..width {
-                let size = |v: f32| v.to_bits() & 0x7fff_ffff;
-                let variance = from[C * width + x];
-                let known_variance = size(variance) < VARIANCE_BITS;
-                let mut known = known_variance;
+                let mut largest = 0;
                 for c in 0..C {
-                    known &= size(from[c * width + x]) < VALUE_BITS;
+                    largest = size(channels[c][x]).max(largest);
                 }
-                let usable = known && reach[x] > 0.0;
-                for c in 0..C {
-                    let v = from[c * width + x];
-                    row[c * pitch + margin + x] = if known { v } else { 0.0 };
-                }
-                let put = |plane: usize| (C + plane) * pitch + margin + x;
-                let nonnegative = if variance > 0.0 { variance } else { 0.0 };
-                row[put(VARIANCE)] = if known_variance { nonnegative } else { 0.0 };
-                let v = |c: usize| row[c * pitch + margin + x];
-                let luminance = if C == 3 {
-                    (0.2126 * v(0) + 0.7152 * v(1)) + 0.0722 * v(2)
-                } else {
-                    v(0)
-                };
-                row[put(LUMINANCE)] = luminance;
-                row[put(MASK)] = f32::from(u8::from(usable));
-                row[put(VARIANCE_MASK)] = f32::from(u8::from(known_variance));
-                row[put(KNOWN)] = f32::from(u8::from(known));
+                let v = size(variance[x]) < VARIANCE_BITS;
+                let sample = v && largest < VALUE_BITS;
+                known_variance[x] = if v { 1.0 } else { 0.0 };
+                known[x] = if sample { 1.0 } else { 0.0 };
+                usable[x] = if sample && reach[x] > 0.0 { 1.0 } else { 0.0 };
+                all &= sample;
+            }
+            if !all {
+                unknown.store(true, Ordering::Relaxed);
             }
         });
-        let prepared = &self.prepared;
+        // The next pass has numbers in place of what is none.
+        self.raw = unknown.into_inner();
+        let masks = self.masks.all();
+        for_rows(self.image.all_mut(), Self::IMAGE * pitch, |y, row| {
+            let plane = |k: usize| &masks[(y * MASKS + k) * pitch + margin..][..width];
+            let (known, known_variance) = (plane(KNOWN), plane(VARIANCE_MASK));
+            for x in 0..width {
+                let place = |k: usize| k * pitch + margin + x;
+                for c in 0..C {
+                    let v = row[place(c)];
+                    row[place(c)] = if known[x] > 0.0 { v } else { 0.0 };
+                }
+                let v = row[place(C)];
+                row[place(C)] = if known_variance[x] > 0.0 && v > 0.0 {
+                    v
+                } else {
+                    0.0
+                };
+                let light = luminance::<C>(std::array::from_fn(|c| row[place(c)]));
+                row[place(Self::LUMINANCE)] = light;
+            }
+        });
         for_rows(&mut self.gaps, pitch + 1, |y, row| {
-            let mask = &prepared[(y * (C + PREPARED) + C + MASK) * pitch..][..pitch];
+            let mask = &masks[(y * MASKS + MASK) * pitch..][..pitch];
             let mut count = 0;
             for (gap, m) in row.iter_mut().zip(mask) {
                 *gap = count;
@@ -432,101 +777,28 @@ impl<const C: usize> SvgfPass<C> {
         });
     }
 
-    fn gather<const SQUARINGS: u32>(&mut self, step: u32) {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
-        let (margin, pitch, settings) = (self.margin, self.pitch, self.settings);
-        let (surfaces, prepared, gaps) = (&self.surfaces, &self.prepared, &self.gaps);
-        let radius = settings.radius.min(2) as usize;
-        let step = (step as usize).min(margin / radius.max(1));
-        let surface = |y: usize| -> [&[f32]; SURFACE] {
-            std::array::from_fn(|k| &surfaces[(y * SURFACE + k) * pitch..][..pitch])
-        };
-        let plane = |y: usize, k: usize| &prepared[(y * (C + PREPARED) + k) * pitch..][..pitch];
-        let channels = |y: usize| -> [&[f32]; C] { std::array::from_fn(|c| plane(y, c)) };
-        let others = |y: usize| -> [&[f32]; PREPARED] { std::array::from_fn(|k| plane(y, C + k)) };
-        let whole = |y: usize, from: usize, to: usize| {
-            let row = &gaps[y * (pitch + 1)..];
-            row[to] == row[from]
-        };
-        for_rows(&mut self.image, (C + 1) * width, |y, out| {
-            let (own_s, own_v, own_p) = (surface(y), channels(y), others(y));
-            // Taps within the image, from the first row on.
-            let rows: Vec<_> = (0..=2 * radius)
-                .filter_map(|k| {
-                    let row = (y + k * step).checked_sub(radius * step)?;
-                    (row < height).then(|| (k, row, surface(row), channels(row), others(row)))
-                })
-                .collect();
-            for x in (0..width).step_by(LANES) {
-                let at = margin + x;
-                let smooth = gaussian(
-                    &|row| plane(row, C + VARIANCE),
-                    &|row| plane(row, C + VARIANCE_MASK),
-                    &whole,
-                    y,
-                    height,
-                    at,
-                );
-                let reach = block(own_s[REACH], at);
-                let luminance = block(own_p[LUMINANCE], at);
-                let mut centre = Centres {
-                    position: std::array::from_fn(|k| block(own_s[k], at)),
-                    normal: std::array::from_fn(|k| block(own_s[NORMAL + k], at)),
-                    luminance,
-                    depth_falloff: [0.0; LANES],
-                    luminance_falloff: [0.0; LANES],
-                };
-                let known = block(own_p[KNOWN], at);
-                for l in 0..LANES {
-                    centre.depth_falloff[l] = svgf_falloff(settings.sigma_depth * reach[l]);
-                    let scale =
-                        svgf_luminance_scale(smooth[l], luminance[l], settings.sigma_luminance);
-                    centre.luminance_falloff[l] = svgf_falloff(scale) * known[l];
-                }
-                let mut sums = Sums::<C> {
-                    value: [[0.0; LANES]; C],
-                    low: [[SVGF_VALUE_MAX; LANES]; C],
-                    high: [[-SVGF_VALUE_MAX; LANES]; C],
-                    variance: [0.0; LANES],
-                    total: [0.0; LANES],
-                };
-                for (k, row, s, v, p) in &rows {
-                    let complete = whole(*row, at - radius * step, at + radius * step + LANES);
-                    for j in 0..=2 * radius {
-                        let from = at + j * step - radius * step;
-                        let spline = spline(j, radius) * spline(*k, radius);
-                        if complete {
-                            add_tap::<C, SQUARINGS, false>(
-                                &mut sums, &centre, s, v, p, from, spline,
-                            );
-                        } else {
-                            add_tap::<C, SQUARINGS, true>(
-                                &mut sums, &centre, s, v, p, from, spline,
-                            );
-                        }
-                    }
-                }
-                let count = LANES.min(width - x);
-                for l in 0..count {
-                    let surfaceless = reach[l] <= 0.0;
-                    let nothing = !surfaceless && sums.total[l] < TOTAL_MIN;
-                    for c in 0..C {
-                        let mean = sums.value[c][l] / sums.total[l];
-                        let kept = mean.max(sums.low[c][l]).min(sums.high[c][l]);
-                        let own = own_v[c][at + l];
-                        let filled = if nothing { 0.0 } else { kept };
-                        out[c * width + x + l] = if surfaceless { own } else { filled };
-                    }
-                    let variance = (sums.variance[l] / sums.total[l]) / sums.total[l];
-                    let filled = if nothing { 0.0 } else { variance };
-                    out[C * width + x + l] = if surfaceless {
-                        own_p[VARIANCE][at + l] * known[l]
-                    } else {
-                        filled
-                    };
-                }
-            }
-        });
+    /// The planes of a row of the image.
+    #[inline(always)]
+    fn planes(&self, y: usize) -> Row<'_, C> {
+        let pitch = self.pitch;
+        let surface = |k: usize| &self.surfaces.all()[(y * SURFACE + k) * pitch..][..pitch];
+        let image = |k: usize| &self.image.all()[(y * Self::IMAGE + k) * pitch..][..pitch];
+        let mask = |k: usize| &self.masks.all()[(y * MASKS + k) * pitch..][..pitch];
+        Row {
+            surface: std::array::from_fn(surface),
+            channels: std::array::from_fn(image),
+            variance: image(C),
+            luminance: image(Self::LUMINANCE),
+            masks: std::array::from_fn(mask),
+            gaps: &self.gaps[y * (pitch + 1)..][..=pitch],
+        }
+    }
+
+    /// As [`Self::planes`], if there is such a row.
+    #[inline(always)]
+    fn row_at(&self, y: Option<usize>) -> Option<Row<'_, C>> {
+        y.filter(|y| *y < self.size.y as usize)
+            .map(|y| self.planes(y))
     }
 }
 
@@ -589,6 +861,7 @@ mod tests {
         for settings in PRESETS {
             for size in [
                 UVec2::new(97, 70),
+                UVec2::new(290, 37),
                 UVec2::new(32, 5),
                 UVec2::new(3, 40),
                 UVec2::ONE,
@@ -641,17 +914,31 @@ mod tests {
     }
 
     #[test]
-    fn exponential_is_the_kits() {
-        for i in 0..200_000u32 {
-            let x = -40.0 * pcg_unit(pcg_hash(i));
-            assert_eq!(exp2_falling(x), crate::math::exponent::exp2_poly(x), "{x}");
+    fn every_level_gives_the_same_bits() {
+        let size = UVec2::new(333, 41);
+        for settings in PRESETS {
+            let at = |level| {
+                let mut pass = SvgfPass::<3>::new(size, settings).with_level(level);
+                pass.set_surfaces(surface);
+                pass.set_image(|at| {
+                    let (v, variance) = value(at);
+                    (v.to_array(), variance)
+                });
+                pass.filter(|_| ());
+                let rows = (0..size.y).flat_map(|y| (0..4).map(move |c| (y, c)));
+                rows.flat_map(|(y, c)| {
+                    pass.row(y, c)
+                        .iter()
+                        .map(|v| v.to_bits())
+                        .collect::<Vec<_>>()
+                })
+                .collect::<Vec<_>>()
+            };
+            let baseline = at(SimdLevel::Baseline);
+            for level in SimdLevel::ALL {
+                assert!(at(level) == baseline, "{level:?}");
+            }
         }
-        for i in 0..=80u16 {
-            let x = -f32::from(i) * 0.5;
-            assert_eq!(exp2_falling(x), crate::math::exponent::exp2_poly(x), "{x}");
-        }
-        assert_eq!(exp2_falling(-40.001), 0.0);
-        assert_eq!(exp2_falling(f32::MIN), 0.0);
     }
 
     #[test]

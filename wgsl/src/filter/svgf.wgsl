@@ -38,8 +38,20 @@ const SVGF_TOTAL_MIN: f32 = 9.094947e-13;
 const SVGF_STEP_MAX: u32 = 1048576u;
 // Largest finite number.
 const SVGF_HUGE: f32 = 3.4028235e38;
-// Where a weight's exponential ends: its square would be subnormal.
-const SVGF_EXPONENT_MIN: f32 = -40.0;
+// Where a weight ends, 2^-40: its square would be subnormal.
+const SVGF_EXPONENT_MAX: f32 = 40.0;
+// 2^-f = 1 + f (F1 + ...), relative error 2^-23.4 on |f| <= 1/2.
+const SVGF_FADE_A: f32 = -0.693147;
+const SVGF_FADE_B: f32 = 0.24022242;
+const SVGF_FADE_C: f32 = -0.055507336;
+const SVGF_FADE_D: f32 = 0.0096715126;
+const SVGF_FADE_E: f32 = -0.0013264727;
+// -128 log2(1 - d/2) = d (N1 + ...), such that its power of 2 errs by 2^-24.
+const SVGF_NORMAL_A: f32 = 92.33254;
+const SVGF_NORMAL_B: f32 = 23.074078;
+const SVGF_NORMAL_C: f32 = 8.015964;
+// From here on, the power of 128, that is good enough.
+const SVGF_STEEP: u32 = 7u;
 // log2 e.
 const SVGF_LOG2_E: f32 = 1.442695;
 
@@ -151,9 +163,22 @@ fn svgf_normal_weight(normal: vec3f, other_normal: vec3f, squarings: u32) -> f32
     return 1.0 - below;
 }
 
+// 2^-exponent for exponent >= 0; 0 above 40.
+fn svgf_fade(exponent: f32) -> f32 {
+    if exponent > SVGF_EXPONENT_MAX {
+        return 0.0;
+    }
+    let k = round(exponent);
+    let f = exponent - k;
+    let p = 1.0 + f * (SVGF_FADE_A + f * (SVGF_FADE_B + f * (SVGF_FADE_C
+        + f * (SVGF_FADE_D + f * SVGF_FADE_E))));
+    return p * bitcast<f32>((127u - u32(k)) << 23u);
+}
+
 // The three weights in one, with one exponential. The falloffs are svgf_falloff
 // of the reach (times sigma_depth) and of svgf_luminance_scale; 0 leaves that
-// weight out. The centre itself weighs exactly 1.
+// weight out. The centre itself weighs exactly 1. From 7 squarings on the
+// normals' weight is in the exponent too, by three terms of a logarithm.
 fn svgf_weight(
     normal: vec3f,
     other_normal: vec3f,
@@ -163,14 +188,24 @@ fn svgf_weight(
     luminance_falloff: f32,
     squarings: u32,
 ) -> f32 {
-    let plane = abs(vec3_dot(normal, offset)) * depth_falloff;
-    let apart = abs(difference) * luminance_falloff;
-    let shape = svgf_normal_weight(normal, other_normal, squarings);
-    let exponent = -SVGF_LOG2_E * (plane + apart);
-    if exponent < SVGF_EXPONENT_MIN {
-        return 0.0;
+    // All that is the centre's comes first: a loop over taps takes it out.
+    let steep = SVGF_LOG2_E * depth_falloff;
+    let across = vec3f(normal.x * steep, normal.y * steep, normal.z * steep);
+    let plane = abs(vec3_dot(across, offset));
+    let apart = abs(difference) * (SVGF_LOG2_E * luminance_falloff);
+    let exponent = plane + apart;
+    if squarings < SVGF_STEEP {
+        return svgf_normal_weight(normal, other_normal, squarings) * svgf_fade(exponent);
     }
-    return shape * exp2_poly(exponent);
+    let turned = vec3f(
+        other_normal.x - normal.x,
+        other_normal.y - normal.y,
+        other_normal.z - normal.z,
+    );
+    let d = vec3_dot(turned, turned);
+    let power = f32(1u << (min(squarings, 16u) - SVGF_STEEP));
+    let bent = d * (power * SVGF_NORMAL_A + d * (power * SVGF_NORMAL_B + d * (power * SVGF_NORMAL_C)));
+    return svgf_fade(exponent + bent);
 }
 
 // B3 spline: 3/8, 1/4, 1/16.
