@@ -107,14 +107,22 @@ fn main() {
             (
                 "Embree".into(),
                 [
-                    Box::new(|rs| rs.iter().filter(|r| plain.intersect(&ray(r)).is_some()).count()),
+                    Box::new(|rs| {
+                        rs.iter()
+                            .filter(|r| plain.intersect(&ray(r)).is_some())
+                            .count()
+                    }),
                     Box::new(|rs| rs.iter().filter(|r| plain.occluded(&ray(r))).count()),
                 ],
             ),
             (
                 "Embree robust".into(),
                 [
-                    Box::new(|rs| rs.iter().filter(|r| robust.intersect(&ray(r)).is_some()).count()),
+                    Box::new(|rs| {
+                        rs.iter()
+                            .filter(|r| robust.intersect(&ray(r)).is_some())
+                            .count()
+                    }),
                     Box::new(|rs| rs.iter().filter(|r| robust.occluded(&ray(r))).count()),
                 ],
             ),
@@ -157,7 +165,14 @@ fn main() {
             let mrays = b.map(|s| count as f64 / s * 1e-6);
             println!(
                 "  {name:16} {:6.2} {:6.2} {:6.2} {:6.2} Mrays/s   {:.2} {:.2} {:.2} {:.2}  mean {:.2}",
-                mrays[0], mrays[1], mrays[2], mrays[3], ratio[0], ratio[1], ratio[2], ratio[3],
+                mrays[0],
+                mrays[1],
+                mrays[2],
+                mrays[3],
+                ratio[0],
+                ratio[1],
+                ratio[2],
+                ratio[3],
                 ratio.iter().product::<f64>().powf(0.25)
             );
             let sum = match sums.iter_mut().position(|s| s.0 == *name) {
@@ -177,7 +192,10 @@ fn main() {
         let m = logs.map(|l| (l / n as f64).exp());
         println!(
             "{name:18} primary {:.2} shadow {:.2} diffuse {:.2} ao {:.2}  all {:.3}",
-            m[0], m[1], m[2], m[3],
+            m[0],
+            m[1],
+            m[2],
+            m[3],
             m.iter().product::<f64>().powf(0.25)
         );
     }

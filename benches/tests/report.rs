@@ -144,6 +144,7 @@ fn the_documentation_names_every_field() {
     report.convergence.push(Default::default());
     report.slopes.push(Default::default());
     report.references.push(Default::default());
+    report.passes.push(Default::default());
     report.pictures.push(Default::default());
     report.plots.push(Default::default());
     fn walk(value: &Value, text: &str) {

@@ -4,7 +4,8 @@
 //! that run under [`run`] are compiled for wider ones too. All levels give the
 //! same bits: each operation is rounded for itself, and nothing is fused.
 //!
-//! This is the one file of the crate with `unsafe`.
+//! Beside the traversal (`pass/bvh8`), which is written in vector instructions,
+//! this is the one file of the crate with `unsafe`.
 
 /// Vector instructions; each level has those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -178,3 +178,35 @@ fn cpu_crate_needs_glam_only_and_wgsl_crate_nothing() {
         assert!(dependencies("raytwin-wgsl", optional).is_empty());
     }
 }
+
+#[test]
+fn the_cpu_crate_has_unsafe_where_vectors_are_chosen_and_nowhere_else() {
+    fn walk(folder: &Path, found: &mut BTreeSet<String>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of the CPU crate") {
+            let path = entry.expect("directory entry").path();
+            if path.is_dir() {
+                walk(&path, found);
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("a source file");
+            let code = text.lines().filter(|l| !l.trim_start().starts_with("//"));
+            if code.into_iter().any(|l| l.contains("unsafe")) {
+                found.insert(
+                    path.strip_prefix(root())
+                        .expect("inside")
+                        .display()
+                        .to_string(),
+                );
+            }
+        }
+    }
+    let mut found = BTreeSet::new();
+    walk(&root().join("cpu/src"), &mut found);
+    let allowed = [
+        "cpu/src/pass/bvh8/lanes.rs",
+        "cpu/src/pass/bvh8/mod.rs",
+        "cpu/src/pass/bvh8/walk.rs",
+        "cpu/src/simd.rs",
+    ];
+    assert_eq!(found, BTreeSet::from(allowed.map(String::from)));
+}

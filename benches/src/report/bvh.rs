@@ -419,7 +419,14 @@ pub fn measure(
     let start = Instant::now();
     let bvh = build(&scene.name, &mesh.positions, &mesh.indices)?;
     let build_ms = milliseconds(start);
-    let engines = open(with, &scene.name, &mesh.positions, &mesh.indices, &bvh, build_ms)?;
+    let engines = open(
+        with,
+        &scene.name,
+        &mesh.positions,
+        &mesh.indices,
+        &bvh,
+        build_ms,
+    )?;
     let sets = RaySets::new(scene, &bvh, settings.rays);
 
     let mut times = vec![[const { Vec::new() }; 4]; engines.len()];
@@ -510,7 +517,14 @@ fn build(name: &str, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Bvh, Re
 pub fn measure_family(family: &Family, with: &Engines<'_>) -> Result<Vec<FamilyRow>, ReportError> {
     let mesh = &family.mesh;
     let bvh = build(&family.name, &mesh.positions, &mesh.indices)?;
-    let engines = open(with, &family.name, &mesh.positions, &mesh.indices, &bvh, 0.0)?;
+    let engines = open(
+        with,
+        &family.name,
+        &mesh.positions,
+        &mesh.indices,
+        &bvh,
+        0.0,
+    )?;
     let subject = Subject {
         name: family.name.clone(),
         positions: mesh.positions.clone(),

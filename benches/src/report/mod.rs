@@ -356,6 +356,7 @@ impl<'a> Run<'a> {
                 .goals
                 .extend(filters::goals(self.stage_settings.repeats));
         }
+        self.report.passes = filters::gpu_passes(&self.gpus, self.stage_settings.repeats)?;
         let by_hand = materials::by_hand(&self.kernels, runs, &self.gpus)?;
         self.report.goals.extend(by_hand);
         Ok(())

@@ -564,6 +564,27 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
                 details { summary { "The shader by hand: " (g.name) } pre { (shader) } }
             } }
         }
+        @if !report.passes.is_empty() {
+            h3 { "SVGF, pass by pass" }
+            p.note {
+                "By the device's clock. Asked for: what the shader reads and writes, each tap counted. Ideal: each input read once, each output written once. "
+                "Reached is the ideal over the time, beside a copy of the surfaces in the same run."
+            }
+            div.scroll { table {
+                thead { tr { th.left { "Adapter" } th.left { "Signal" } th.left { "Pass" } th { "ms" } th { "Asked for, MB" } th { "Ideal, MB" } th { "Reached, GB/s" } th { "Copy, GB/s" } th { "Of the copy" } } }
+                tbody { @for p in &report.passes { tr {
+                    td.left title=(p.backend) { (short(&p.backend)) }
+                    td.left { (p.signal) " " (p.size[0]) " × " (p.size[1]) }
+                    td.left { (p.pass) }
+                    td { (number(p.ms)) }
+                    td { (number(p.counted as f64 * 1e-6)) }
+                    td { (number(p.ideal as f64 * 1e-6)) }
+                    td { (number(p.gb_s)) }
+                    td { (number(p.copy_gb_s)) }
+                    td { (format!("{:.0} %", 100.0 * p.gb_s / p.copy_gb_s)) }
+                } } }
+            } }
+        }
         @if !report.samplers.is_empty() {
             h3 { "GGX samplers" }
             p {

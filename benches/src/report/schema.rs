@@ -63,6 +63,9 @@ pub struct Report {
     /// Ratios that this house wants to stay below.
     #[serde(default)]
     pub goals: Vec<GoalRow>,
+    /// One row an adapter, signal, size and pass of a filter.
+    #[serde(default)]
+    pub passes: Vec<PassRow>,
     /// Pictures beside the page.
     pub pictures: Vec<PictureRow>,
     /// Plots beside the page.
@@ -440,6 +443,29 @@ pub struct GoalRow {
     pub detail: String,
     /// What a kernel is compared with, where that is a shader.
     pub shader: Option<String>,
+}
+
+/// A pass of SVGF on an adapter, and the memory it moves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PassRow {
+    /// The adapter's label.
+    pub backend: String,
+    /// `RGB` or `scalar`.
+    pub signal: String,
+    /// Width and height.
+    pub size: [u32; 2],
+    /// `variance`, or `step 4`.
+    pub pass: String,
+    /// Milliseconds by the device's clock, the median.
+    pub ms: f64,
+    /// Bytes that the shader asks for, each tap counted.
+    pub counted: u64,
+    /// Bytes if each input were read once and each output written once.
+    pub ideal: u64,
+    /// Those over the time, GB a second.
+    pub gb_s: f64,
+    /// What a copy of a buffer reaches in the same run, reads and writes.
+    pub copy_gb_s: f64,
 }
 
 /// Millions of rays a second.

@@ -205,6 +205,34 @@ fn materials(report: &Report, out: &mut String) {
         }
         table(out, &rows);
     }
+    if !report.passes.is_empty() {
+        let _ = writeln!(out, "\nSVGF, pass by pass");
+        let mut rows = vec![header(&[
+            "",
+            "ms",
+            "asked for MB",
+            "ideal MB",
+            "GB/s",
+            "copy GB/s",
+        ])];
+        for p in &report.passes {
+            let [width, height] = p.size;
+            rows.push(vec![
+                format!(
+                    "{} {width}x{height}, {} on {}",
+                    p.signal,
+                    p.pass,
+                    short(&p.backend)
+                ),
+                format!("{:.2}", p.ms),
+                format!("{:.1}", p.counted as f64 * 1e-6),
+                format!("{:.1}", p.ideal as f64 * 1e-6),
+                format!("{:.2}", p.gb_s),
+                format!("{:.2}", p.copy_gb_s),
+            ]);
+        }
+        table(out, &rows);
+    }
     for r in &report.reflections {
         if let (16, Some(variance), Some(error)) =
             (r.neighbours, r.rays_by_variance, r.rays_by_error)

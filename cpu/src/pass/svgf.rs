@@ -30,7 +30,7 @@ use crate::simd::{self, SimdLevel};
 const LANES: usize = 128;
 
 /// Blocks that are worked on before the next row.
-const STRIP: usize = 4;
+const STRIP: usize = 16;
 
 /// Rows that follow each other, `step` apart.
 const BAND: usize = 16;
@@ -52,6 +52,9 @@ const MASKS: usize = 3;
 
 type Block = [f32; LANES];
 
+/// To begin an array with.
+const EMPTY: &Block = &[0.0; LANES];
+
 /// Numbers from the start of a line of the cache on.
 #[derive(Debug)]
 struct Planes {
@@ -67,6 +70,7 @@ impl Planes {
         Self { data, start, len }
     }
 
+    #[inline(always)]
     fn all(&self) -> &[f32] {
         &self.data[self.start..self.start + self.len]
     }
@@ -101,7 +105,7 @@ pub struct SvgfPass<const C: usize> {
     /// What a pass writes.
     next: Planes,
     masks: Planes,
-    /// By row: how many pixels before one are no data.
+    /// By row: how many pixels before a line of the cache are no data.
     gaps: Vec<u32>,
     /// Whether masks and luminance are still to be made.
     raw: bool,
@@ -150,6 +154,27 @@ fn block(plane: &[f32], at: usize) -> &Block {
     part.expect("rows are padded")
 }
 
+/// The blocks of a plane at some places. A loop, since what the library calls
+/// for `from_fn` is not always inlined into code for another [`SimdLevel`].
+#[inline(always)]
+fn blocks<'a, const N: usize>(plane: &'a [f32], at: [usize; N]) -> [&'a Block; N] {
+    let mut all = [EMPTY; N];
+    for j in 0..N {
+        all[j] = block(plane, at[j]);
+    }
+    all
+}
+
+/// The blocks of planes at one place.
+#[inline(always)]
+fn planes_at<'a, const N: usize>(planes: [&'a [f32]; N], at: usize) -> [&'a Block; N] {
+    let mut all = [EMPTY; N];
+    for k in 0..N {
+        all[k] = block(planes[k], at);
+    }
+    all
+}
+
 #[inline(always)]
 fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -160,14 +185,10 @@ fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The kit's luminance of a colour; the first channel of anything else.
+/// The kit's luminance of a colour.
 #[inline(always)]
-fn luminance<const C: usize>(v: [f32; C]) -> f32 {
-    if C == 3 {
-        (0.2126 * v[0] + 0.7152 * v[1]) + 0.0722 * v[2]
-    } else {
-        v[0]
-    }
+fn luminance(r: f32, g: f32, b: f32) -> f32 {
+    (0.2126 * r + 0.7152 * g) + 0.0722 * b
 }
 
 /// `svgf_fade` without branches. The sum that rounds has the power of two in its
@@ -219,8 +240,11 @@ struct Normals {
 }
 
 /// Planes of a row.
+#[derive(Clone, Copy)]
 struct Row<'a, const C: usize> {
-    surface: [&'a [f32]; SURFACE],
+    position: [&'a [f32]; 3],
+    normal: [&'a [f32]; 3],
+    reach: &'a [f32],
     channels: [&'a [f32]; C],
     variance: &'a [f32],
     luminance: &'a [f32],
@@ -229,10 +253,10 @@ struct Row<'a, const C: usize> {
 }
 
 impl<const C: usize> Row<'_, C> {
-    /// Whether all is data from here to there.
+    /// Whether all is data from here to there, and in the lines around.
     #[inline(always)]
     fn whole(&self, from: usize, to: usize) -> bool {
-        self.gaps[to] == self.gaps[from]
+        self.gaps[to.div_ceil(LINE)] == self.gaps[from / LINE]
     }
 }
 
@@ -250,14 +274,17 @@ fn add_taps<const C: usize, const N: usize, const MASKED: bool>(
     at: [usize; N],
     splines: [f32; N],
 ) {
-    let planes: [[&Block; 6]; N] =
-        std::array::from_fn(|j| std::array::from_fn(|k| block(row.surface[k], at[j])));
-    let luminances: [&Block; N] = std::array::from_fn(|j| block(row.luminance, at[j]));
+    let (mut positions, mut others) = ([[EMPTY; 3]; N], [[EMPTY; 3]; N]);
+    for j in 0..N {
+        positions[j] = planes_at(row.position, at[j]);
+        others[j] = planes_at(row.normal, at[j]);
+    }
+    let luminances = blocks(row.luminance, at);
     let [cx, cy, cz] = centre.position;
     let [ux, uy, uz] = &centre.across;
     for l in 0..LANES {
         for j in 0..N {
-            let [px, py, pz, ..] = planes[j];
+            let [px, py, pz] = positions[j];
             let (tx, ty, tz) = (px[l] - cx[l], py[l] - cy[l], pz[l] - cz[l]);
             let plane = ((ux[l] * tx + uy[l] * ty) + uz[l] * tz).abs();
             let apart =
@@ -270,7 +297,7 @@ fn add_taps<const C: usize, const N: usize, const MASKED: bool>(
     if normals.squarings < STEEP {
         for l in 0..LANES {
             for j in 0..N {
-                let [.., px, py, pz] = planes[j];
+                let [px, py, pz] = others[j];
                 let (dx, dy, dz) = (px[l] - nx[l], py[l] - ny[l], pz[l] - nz[l]);
                 below[j][l] = least(0.5 * ((dx * dx + dy * dy) + dz * dz), 1.0);
             }
@@ -290,7 +317,7 @@ fn add_taps<const C: usize, const N: usize, const MASKED: bool>(
     } else {
         for l in 0..LANES {
             for j in 0..N {
-                let [.., px, py, pz] = planes[j];
+                let [px, py, pz] = others[j];
                 let (dx, dy, dz) = (px[l] - nx[l], py[l] - ny[l], pz[l] - nz[l]);
                 let d = (dx * dx + dy * dy) + dz * dz;
                 weights[j][l] += d * (a + d * (b + d * c));
@@ -314,28 +341,34 @@ fn add_weighed<const C: usize, const N: usize, const MASKED: bool>(
     at: [usize; N],
     splines: [f32; N],
 ) {
-    let values: [[&Block; N]; C] =
-        std::array::from_fn(|c| std::array::from_fn(|j| block(row.channels[c], at[j])));
-    let variances: [&Block; N] = std::array::from_fn(|j| block(row.variance, at[j]));
-    let masks: [&Block; N] = std::array::from_fn(|j| block(row.masks[MASK], at[j]));
+    let mut values = [[EMPTY; N]; C];
+    for c in 0..C {
+        values[c] = blocks(row.channels[c], at);
+    }
+    let variances = blocks(row.variance, at);
+    let masks = blocks(row.masks[MASK], at);
     for l in 0..LANES {
-        let w: [f32; N] = std::array::from_fn(|j| {
-            let w = splines[j] * weights[j][l];
-            if MASKED { w * masks[j][l] } else { w }
-        });
+        let mut w = [0.0; N];
+        for j in 0..N {
+            w[j] = splines[j] * weights[j][l];
+            if MASKED {
+                w[j] *= masks[j][l];
+            }
+        }
         for c in 0..C {
             let (mut sum, mut low, mut high) = (sums.value[c][l], sums.low[c][l], sums.high[c][l]);
             for j in 0..N {
                 let v = values[c][j][l];
                 sum += v * w[j];
-                // Where there is no data v is 0.
-                let gap = if MASKED {
-                    (1.0 - masks[j][l]) * SVGF_VALUE_MAX
+                // Where there is no data v is 0, and must not count.
+                if MASKED {
+                    let gap = (1.0 - masks[j][l]) * SVGF_VALUE_MAX;
+                    low = least(low, v + gap);
+                    high = most(high, v - gap);
                 } else {
-                    0.0
-                };
-                low = least(low, v + gap);
-                high = most(high, v - gap);
+                    low = least(low, v);
+                    high = most(high, v);
+                }
             }
             (sums.value[c][l], sums.low[c][l], sums.high[c][l]) = (sum, low, high);
         }
@@ -357,7 +390,7 @@ fn gaussian<const C: usize>(rows: &[Option<Row<'_, C>>; 3], at: usize) -> Block 
         let Some(row) = row else { continue };
         let down = if k == 1 { 0.5 } else { 0.25 };
         let weights = [0.25 * down, 0.5 * down, 0.25 * down];
-        let variances: [&Block; 3] = std::array::from_fn(|j| block(row.variance, at + j - 1));
+        let variances = blocks(row.variance, [at - 1, at, at + 1]);
         if row.whole(at - 1, at + LANES + 1) {
             for l in 0..LANES {
                 for j in 0..3 {
@@ -369,8 +402,7 @@ fn gaussian<const C: usize>(rows: &[Option<Row<'_, C>>; 3], at: usize) -> Block 
                 }
             }
         } else {
-            let masks: [&Block; 3] =
-                std::array::from_fn(|j| block(row.masks[VARIANCE_MASK], at + j - 1));
+            let masks = blocks(row.masks[VARIANCE_MASK], [at - 1, at, at + 1]);
             for l in 0..LANES {
                 for j in 0..3 {
                     let (v, m) = (variances[j][l], masks[j][l]);
@@ -422,7 +454,7 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
         mut rows,
         broken,
     } = work;
-    let (width, height) = (pass.size.x as usize, pass.size.y as usize);
+    let width = pass.size.x as usize;
     let (mut weights, mut below) = ([[0.0; LANES]; WIDE], [[0.0; LANES]; WIDE]);
     let mut side_weights = [[0.0; LANES]; RADIUS];
     let mut side_below = [[0.0; LANES]; RADIUS];
@@ -436,19 +468,22 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
         for (y, out) in &mut rows {
             let y = *y;
             let own = pass.planes(y);
-            let around: [Option<Row<'_, C>>; 3] =
-                std::array::from_fn(|k| pass.row_at((y + k).checked_sub(1)));
-            let taps: [Option<Row<'_, C>>; WIDE] =
-                std::array::from_fn(|k| pass.row_at((y + k * step).checked_sub(RADIUS * step)));
+            let mut around = [None, Some(own), None];
+            around[0] = pass.row_at(y.checked_sub(1));
+            around[2] = pass.row_at(y.checked_add(1));
+            let mut taps = [None; WIDE];
+            for k in 0..WIDE {
+                taps[k] = pass.row_at((y + k * step).checked_sub(RADIUS * step));
+            }
             for x in (strip..width.min(strip + STRIP * LANES)).step_by(LANES) {
                 let at = pass.margin + x;
                 let count = LANES.min(width - x);
-                let reach = block(own.surface[REACH], at);
+                let reach = block(own.reach, at);
                 let known = block(own.masks[KNOWN], at);
                 let smooth = gaussian(&around, at);
                 let mut centre = Centres {
-                    position: std::array::from_fn(|k| block(own.surface[k], at)),
-                    normal: std::array::from_fn(|k| block(own.surface[3 + k], at)),
+                    position: planes_at(own.position, at),
+                    normal: planes_at(own.normal, at),
                     luminance: block(own.luminance, at),
                     across: [[0.0; LANES]; 3],
                     luminance_falloff: [0.0; LANES],
@@ -476,9 +511,17 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                     let Some(row) = row else { continue };
                     let from = at - RADIUS * step;
                     let whole = row.whole(from, at + RADIUS * step + LANES);
-                    let places: [usize; WIDE] = std::array::from_fn(|j| from + j * step);
-                    let splines: [f32; WIDE] =
-                        std::array::from_fn(|j| spline(j, RADIUS) * spline(k, RADIUS));
+                    let (mut places, mut splines) = ([0; WIDE], [0.0; WIDE]);
+                    let (mut left, mut right) = ([0; RADIUS], [0; RADIUS]);
+                    let (mut first, mut last) = ([0.0; RADIUS], [0.0; RADIUS]);
+                    for j in 0..WIDE {
+                        places[j] = from + j * step;
+                        splines[j] = spline(j, RADIUS) * spline(k, RADIUS);
+                    }
+                    for j in 0..RADIUS {
+                        (left[j], right[j]) = (places[j], places[RADIUS + 1 + j]);
+                        (first[j], last[j]) = (splines[j], splines[RADIUS + 1 + j]);
+                    }
                     macro_rules! add {
                         ($places:expr, $splines:expr, $weights:expr, $below:expr) => {
                             if whole {
@@ -496,11 +539,6 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                     }
                     if k == RADIUS {
                         // The centre weighs 1: no need to find that out.
-                        let left: [usize; RADIUS] = std::array::from_fn(|j| places[j]);
-                        let right: [usize; RADIUS] =
-                            std::array::from_fn(|j| places[RADIUS + 1 + j]);
-                        let first: [f32; RADIUS] = std::array::from_fn(|j| splines[j]);
-                        let last: [f32; RADIUS] = std::array::from_fn(|j| splines[RADIUS + 1 + j]);
                         add!(left, first, &mut side_weights, &mut side_below);
                         add_weighed::<C, 1, true>(
                             &mut sums,
@@ -515,24 +553,34 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                     }
                 }
                 let mut results = [[0.0; LANES]; C];
-                let (mut variance, mut light): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
-                let mut bad = 0u32;
-                for l in 0..LANES {
-                    let surfaceless = reach[l] <= 0.0;
-                    let nothing = sums.total[l] < TOTAL_MIN;
-                    for c in 0..C {
+                let own_values = planes_at(own.channels, at);
+                for c in 0..C {
+                    for l in 0..LANES {
                         let mean = sums.value[c][l] / sums.total[l];
                         let kept = least(most(mean, sums.low[c][l]), sums.high[c][l]);
-                        let filled = if nothing { 0.0 } else { kept };
-                        let own = block(own.channels[c], at)[l];
-                        results[c][l] = if surfaceless { own } else { filled };
+                        let filled = if sums.total[l] < TOTAL_MIN { 0.0 } else { kept };
+                        let own = own_values[c][l];
+                        results[c][l] = if reach[l] > 0.0 { filled } else { own };
                     }
+                }
+                let (mut variance, mut light): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
+                let own_variance = block(own.variance, at);
+                let mut bad = 0u32;
+                for l in 0..LANES {
                     let spread = (sums.variance[l] / sums.total[l]) / sums.total[l];
-                    let filled = if nothing { 0.0 } else { spread };
-                    let own = block(own.variance, at)[l] * known[l];
-                    variance[l] = if surfaceless { own } else { filled };
-                    light[l] = luminance::<C>(std::array::from_fn(|c| results[c][l]));
+                    let filled = if sums.total[l] < TOTAL_MIN {
+                        0.0
+                    } else {
+                        spread
+                    };
+                    let own = own_variance[l] * known[l];
+                    variance[l] = if reach[l] > 0.0 { filled } else { own };
                     bad |= u32::from(variance[l].to_bits() >= VARIANCE_BITS);
+                }
+                if C == 3 {
+                    for l in 0..LANES {
+                        light[l] = luminance(results[0][l], results[1][l], results[2][l]);
+                    }
                 }
                 if bad != 0 {
                     broken.store(true, Ordering::Relaxed);
@@ -575,7 +623,7 @@ impl<const C: usize> SvgfPass<C> {
             image: Planes::new(height * Self::IMAGE * pitch),
             next: Planes::new(height * Self::IMAGE * pitch),
             masks: Planes::new(height * MASKS * pitch),
-            gaps: vec![0; height * (pitch + 1)],
+            gaps: vec![0; height * (pitch / LINE + 1)],
             raw: true,
         }
     }
@@ -762,18 +810,21 @@ impl<const C: usize> SvgfPass<C> {
                 } else {
                     0.0
                 };
-                let light = luminance::<C>(std::array::from_fn(|c| row[place(c)]));
-                row[place(Self::LUMINANCE)] = light;
+                if C == 3 {
+                    let light = luminance(row[place(0)], row[place(1)], row[place(2)]);
+                    row[place(Self::LUMINANCE)] = light;
+                }
             }
         });
-        for_rows(&mut self.gaps, pitch + 1, |y, row| {
+        for_rows(&mut self.gaps, pitch / LINE + 1, |y, row| {
             let mask = &masks[(y * MASKS + MASK) * pitch..][..pitch];
             let mut count = 0;
-            for (gap, m) in row.iter_mut().zip(mask) {
+            for (gap, line) in row.iter_mut().zip(mask.chunks_exact(LINE).chain([&[][..]])) {
                 *gap = count;
-                count += u32::from(*m == 0.0);
+                for m in line {
+                    count += u32::from(*m == 0.0);
+                }
             }
-            row[pitch] = count;
         });
     }
 
@@ -784,13 +835,19 @@ impl<const C: usize> SvgfPass<C> {
         let surface = |k: usize| &self.surfaces.all()[(y * SURFACE + k) * pitch..][..pitch];
         let image = |k: usize| &self.image.all()[(y * Self::IMAGE + k) * pitch..][..pitch];
         let mask = |k: usize| &self.masks.all()[(y * MASKS + k) * pitch..][..pitch];
+        let mut channels = [EMPTY.as_slice(); C];
+        for (c, channel) in channels.iter_mut().enumerate() {
+            *channel = image(c);
+        }
         Row {
-            surface: std::array::from_fn(surface),
-            channels: std::array::from_fn(image),
+            position: [surface(0), surface(1), surface(2)],
+            normal: [surface(3), surface(4), surface(5)],
+            reach: surface(REACH),
+            channels,
             variance: image(C),
             luminance: image(Self::LUMINANCE),
-            masks: std::array::from_fn(mask),
-            gaps: &self.gaps[y * (pitch + 1)..][..=pitch],
+            masks: [mask(0), mask(1), mask(2)],
+            gaps: &self.gaps[y * (pitch / LINE + 1)..][..=pitch / LINE],
         }
     }
 

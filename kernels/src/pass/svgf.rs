@@ -4,7 +4,7 @@
 pub use raytwin_cpu::pass::svgf::*;
 
 #[cfg(feature = "gpu")]
-pub use gpu::{SvgfGpu, SvgfSignal};
+pub use gpu::{SvgfGpu, SvgfGpuPass, SvgfSignal};
 
 #[cfg(feature = "gpu")]
 mod gpu {
@@ -203,11 +203,27 @@ mod gpu {
 
         /// Encodes the variance and all passes.
         pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+            self.encode_timed(encoder, None);
+        }
+
+        /// As [`Self::encode`]; pass `i` of [`Self::passes`] writes its beginning
+        /// and its end to the timestamps `2 * i` and `2 * i + 1`.
+        pub fn encode_timed(
+            &self,
+            encoder: &mut wgpu::CommandEncoder,
+            timestamps: Option<&wgpu::QuerySet>,
+        ) {
             for (i, group) in self.buffers.groups.iter().enumerate() {
                 {
                     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                         label: Some("raytwin svgf"),
-                        timestamp_writes: None,
+                        timestamp_writes: timestamps.map(|query_set| {
+                            wgpu::ComputePassTimestampWrites {
+                                query_set,
+                                beginning_of_pass_write_index: Some(2 * i as u32),
+                                end_of_pass_write_index: Some(2 * i as u32 + 1),
+                            }
+                        }),
                     });
                     pass.set_pipeline(if i == 0 { &self.variance } else { &self.atrous });
                     pass.set_bind_group(0, group, &[]);
@@ -223,6 +239,52 @@ mod gpu {
                     encoder.copy_buffer_to_buffer(written, 0, &self.buffers.feedback, 0, bytes);
                 }
             }
+        }
+    }
+
+    /// A pass of a frame, and the memory it moves.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct SvgfGpuPass {
+        /// `variance`, or `step 4`.
+        pub name: String,
+        /// Bytes that the shader asks for, each tap counted. The variance's pass
+        /// is counted where every history is long enough.
+        pub counted: u64,
+        /// Bytes if each input were read once and each output written once.
+        pub ideal: u64,
+    }
+
+    impl SvgfGpu {
+        /// The passes that [`Self::encode`] encodes, in order.
+        #[must_use]
+        pub fn passes(&self) -> Vec<SvgfGpuPass> {
+            const SURFACE: u64 = 32;
+            const HISTORY: u64 = 4;
+            let texel = self.signal.texel();
+            let pixels = u64::from(self.size.x) * u64::from(self.size.y);
+            // Taps that lie inside, over all pixels.
+            let taps = |radius: u64, step: u64| -> u64 {
+                let along = |side: u32| -> u64 {
+                    let at = |d: u64| u64::from(side).saturating_sub(d * step);
+                    at(0) + 2 * (1..=radius).map(at).sum::<u64>()
+                };
+                along(self.size.x) * along(self.size.y)
+            };
+            let variance = SvgfGpuPass {
+                name: "variance".into(),
+                counted: pixels * (HISTORY + texel + texel),
+                ideal: pixels * (HISTORY + texel + texel),
+            };
+            let radius = u64::from(self.settings.radius.min(2));
+            let atrous = (0..self.settings.passes).map(|i| SvgfGpuPass {
+                name: format!("step {}", 1 << i),
+                // Its own data, the variance around, the taps, the result.
+                counted: pixels * (SURFACE + texel + texel)
+                    + taps(1, 1) * texel
+                    + taps(radius, 1 << i) * (SURFACE + texel),
+                ideal: pixels * (SURFACE + texel + texel),
+            });
+            std::iter::once(variance).chain(atrous).collect()
         }
     }
 

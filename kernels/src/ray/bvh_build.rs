@@ -8,8 +8,8 @@ use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
-use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault};
 pub use raytwin_cpu::pass::bvh8::triangle_box as bvh_triangle_box;
+use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault};
 use raytwin_cpu::ray::bvh::{BVH_STACK, BvhNode, BvhTriangle, BvhView};
 
 /// Largest number of triangles in one tree: 2^26.

@@ -310,34 +310,39 @@ pub(super) mod x86 {
 
     // Registers of eight too: what helps is that there are 32 of them, and
     // masks of their own.
-    lanes!(Avx512, "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt", __mmask8, {
-        #[inline(always)]
-        fn le(self, a: __m256, b: __m256) -> __mmask8 {
-            unsafe { _mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
+    lanes!(
+        Avx512,
+        "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt",
+        __mmask8,
+        {
+            #[inline(always)]
+            fn le(self, a: __m256, b: __m256) -> __mmask8 {
+                unsafe { _mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
+            }
+            #[inline(always)]
+            fn lt(self, a: __m256, b: __m256) -> __mmask8 {
+                unsafe { _mm256_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
+            }
+            #[inline(always)]
+            fn eq(self, a: __m256, b: __m256) -> __mmask8 {
+                unsafe { _mm256_cmp_ps_mask::<_CMP_EQ_OQ>(a, b) }
+            }
+            #[inline(always)]
+            fn select(self, mask: __mmask8, yes: __m256, no: __m256) -> __m256 {
+                unsafe { _mm256_mask_blend_ps(mask, no, yes) }
+            }
+            #[inline(always)]
+            fn and(self, a: __mmask8, b: __mmask8) -> __mmask8 {
+                a & b
+            }
+            #[inline(always)]
+            fn or(self, a: __mmask8, b: __mmask8) -> __mmask8 {
+                a | b
+            }
+            #[inline(always)]
+            fn bits(self, mask: __mmask8) -> u32 {
+                u32::from(mask)
+            }
         }
-        #[inline(always)]
-        fn lt(self, a: __m256, b: __m256) -> __mmask8 {
-            unsafe { _mm256_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
-        }
-        #[inline(always)]
-        fn eq(self, a: __m256, b: __m256) -> __mmask8 {
-            unsafe { _mm256_cmp_ps_mask::<_CMP_EQ_OQ>(a, b) }
-        }
-        #[inline(always)]
-        fn select(self, mask: __mmask8, yes: __m256, no: __m256) -> __m256 {
-            unsafe { _mm256_mask_blend_ps(mask, no, yes) }
-        }
-        #[inline(always)]
-        fn and(self, a: __mmask8, b: __mmask8) -> __mmask8 {
-            a & b
-        }
-        #[inline(always)]
-        fn or(self, a: __mmask8, b: __mmask8) -> __mmask8 {
-            a | b
-        }
-        #[inline(always)]
-        fn bits(self, mask: __mmask8) -> u32 {
-            u32::from(mask)
-        }
-    });
+    );
 }

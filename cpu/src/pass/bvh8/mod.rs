@@ -3,8 +3,8 @@
 //! processor's vector instructions, with the same hits, bit for bit.
 //!
 //! The instructions are chosen at run time ([`Level`]), so a plain release
-//! build has them. They are why this module, alone in the crate, has unsafe
-//! code.
+//! build has them. They are why this module has unsafe code (the
+//! crate's other place is `simd`).
 
 mod collapse;
 mod lanes;
