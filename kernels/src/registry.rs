@@ -60,4 +60,5 @@ registry! {
     temporal / reproject;
     temporal / taa;
     temporal / variance_clamp;
+    temporal / visibility_clamp;
 }

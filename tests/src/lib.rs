@@ -71,4 +71,5 @@ pub struct Readme;
 #[doc = include_str!("../../docs/temporal/reproject.md")]
 #[doc = include_str!("../../docs/temporal/taa.md")]
 #[doc = include_str!("../../docs/temporal/variance_clamp.md")]
+#[doc = include_str!("../../docs/temporal/visibility_clamp.md")]
 pub struct Pages;

@@ -79,3 +79,40 @@ fn stay_exact_on_any_implementation() {
         }
     }
 }
+
+// All rays alike; WORD is what every block holds.
+const RAYS: &str = "
+fn packed_visibility_read(block: vec2u) -> u32 {
+    return WORD;
+}
+fn packed_visibility_read_row(pixel: vec2u) -> u32 {
+    return packed_visibility_horizontal(pixel, vec2u(45u, 30u));
+}
+";
+
+#[test]
+fn full_light_and_full_shadow_stay_exact_on_any_implementation() {
+    let library = raytwin::wgsl::link(&["temporal/visibility_clamp"]).expect("registered");
+    for (word, value) in [("0u", 0.0f32), ("0xffffffffu", 1.0)] {
+        let source = library.clone() + &RAYS.replace("WORD", word);
+        let program = Program::parse(&source).unwrap_or_else(|e| panic!("{e}"));
+        for (x, y) in [(0, 0), (22, 15), (44, 29), (44, 3)] {
+            for history in [0.0f32, 0.3, 1.0, 1e30] {
+                for gamma in [0.0f32, 0.5, 2.0] {
+                    let arguments = [x, y, 45, 30, history.to_bits(), gamma.to_bits()];
+                    for function in ["visibility_clamp_pixel", "visibility_clamp_rows_pixel"] {
+                        let out = program
+                            .call(function, &arguments, Table::Wgsl)
+                            .unwrap_or_else(|e| panic!("{function}: {e}"));
+                        assert!(
+                            out.len() == 1
+                                && out[0].is_exact()
+                                && out[0].contains(value.to_bits()),
+                            "{function} at {x}, {y} of {value}: {out:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

@@ -257,6 +257,7 @@ modules! {
             {
                 "fn variance_clamp_read(at: vec2u) -> vec3f"
             } "variance_clamp.bindings.wgsl";
+        VISIBILITY_CLAMP "visibility_clamp" ["filter/packed_visibility"];
     }
 }
 

@@ -4,3 +4,4 @@ pub mod accumulate;
 pub mod reproject;
 pub mod taa;
 pub mod variance_clamp;
+pub mod visibility_clamp;
