@@ -36,6 +36,7 @@ registry! {
     filter / separable_blur;
     filter / spatial_reconstruct;
     filter / svgf;
+    filter / tiles;
     math / exponent;
     math / luminance;
     math / octahedral;

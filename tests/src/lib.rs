@@ -46,6 +46,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/filter/separable_blur.md")]
 #[doc = include_str!("../../docs/filter/spatial_reconstruct.md")]
 #[doc = include_str!("../../docs/filter/svgf.md")]
+#[doc = include_str!("../../docs/filter/tiles.md")]
 #[doc = include_str!("../../docs/math/exponent.md")]
 #[doc = include_str!("../../docs/math/luminance.md")]
 #[doc = include_str!("../../docs/math/octahedral.md")]

@@ -105,9 +105,7 @@ fn full_light_and_full_shadow_stay_exact_on_any_implementation() {
                             .call(function, &arguments, Table::Wgsl)
                             .unwrap_or_else(|e| panic!("{function}: {e}"));
                         assert!(
-                            out.len() == 1
-                                && out[0].is_exact()
-                                && out[0].contains(value.to_bits()),
+                            out.len() == 1 && out[0].is_exact() && out[0].contains(value.to_bits()),
                             "{function} at {x}, {y} of {value}: {out:?}"
                         );
                     }

@@ -201,6 +201,12 @@ modules! {
                 "fn svgf_read_color(at: vec2u) -> SvgfColor",
                 "fn svgf_read_scalar(at: vec2u) -> SvgfScalar"
             } "svgf.bindings.wgsl";
+        TILES "tiles" []
+            {
+                "fn tiles_read_pixel(at: vec2u) -> u32",
+                "fn tiles_read(tile: vec2u) -> u32",
+                "fn tiles_read_row(tile: vec2u) -> u32"
+            } "tiles.bindings.wgsl";
     }
     /// Numeric building blocks.
     math {

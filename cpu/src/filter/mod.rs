@@ -11,3 +11,4 @@ pub mod packed_visibility;
 pub mod separable_blur;
 pub mod spatial_reconstruct;
 pub mod svgf;
+pub mod tiles;

@@ -7,3 +7,4 @@ pub mod packed_visibility;
 pub mod separable_blur;
 pub mod spatial_reconstruct;
 pub mod svgf;
+pub mod tiles;
