@@ -7,3 +7,4 @@
 
 pub mod bvh8;
 pub mod svgf;
+pub mod tiles;

@@ -20,10 +20,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::UVec2;
 
+use super::tiles::TileMask;
 use crate::filter::svgf::{
     EXPONENT_MAX, FADE, LOG2_E, NORMAL, NORMAL_BITS, ROUND, STEEP, SVGF_VALUE_MAX, SvgfSettings,
     SvgfSurface, TOTAL_MIN, VALUE_BITS, VARIANCE_BITS, svgf_falloff, svgf_luminance_scale,
 };
+use crate::filter::tiles::{TILES_NONE, tiles_atrous_reach, tiles_reach, tiles_scalar_flags};
 use crate::simd::{self, SimdLevel};
 
 /// Pixels that are worked on together.
@@ -109,10 +111,16 @@ pub struct SvgfPass<const C: usize> {
     gaps: Vec<u32>,
     /// Whether masks and luminance are still to be made.
     raw: bool,
+    /// What [`SvgfPass::filter_tiles`] filters; without it everything is.
+    tiles: Option<TileMask>,
 }
 
 /// Applies `work` to each row, in parallel with the feature `rayon`.
-fn for_rows<T: Send>(data: &mut [T], row: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
+pub(super) fn for_rows<T: Send>(
+    data: &mut [T],
+    row: usize,
+    work: impl Fn(usize, &mut [T]) + Sync + Send,
+) {
     #[cfg(feature = "rayon")]
     {
         use rayon::prelude::*;
@@ -480,6 +488,10 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                 let count = LANES.min(width - x);
                 let reach = block(own.reach, at);
                 let known = block(own.masks[KNOWN], at);
+                if pass.leaves_out(x, y) {
+                    pass.copy_block(&own, at, count, &known, out);
+                    continue;
+                }
                 let smooth = gaussian(&around, at);
                 let mut centre = Centres {
                     position: planes_at(own.position, at),
@@ -625,6 +637,7 @@ impl<const C: usize> SvgfPass<C> {
             masks: Planes::new(height * MASKS * pitch),
             gaps: vec![0; height * (pitch / LINE + 1)],
             raw: true,
+            tiles: None,
         }
     }
 
@@ -726,6 +739,66 @@ impl<const C: usize> SvgfPass<C> {
             self.atrous(1 << i);
             if i == self.settings.feedback {
                 feedback(self);
+            }
+        }
+    }
+
+    /// [`Self::filter`], leaving out tiles that it cannot change: where, as far
+    /// as all its passes reach, every pixel with a surface is exactly 1, or
+    /// every one exactly 0, with a variance of 0, and where there is no surface.
+    /// Gives the same bits, and the tiles that were to be filtered; of a row
+    /// whole blocks are.
+    pub fn filter_tiles(&mut self, feedback: impl FnMut(&Self)) -> TileMask {
+        let mask = self.find_tiles();
+        self.tiles = Some(mask.clone());
+        self.filter(feedback);
+        self.tiles = None;
+        mask
+    }
+
+    /// The tiles that all passes together may change.
+    fn find_tiles(&self) -> TileMask {
+        let pixels = tiles_atrous_reach(self.settings.radius, self.settings.passes);
+        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let surfaces = self.surfaces.all();
+        TileMask::from_tiles(self.size, tiles_reach(pixels), |tile| {
+            let x = 8 * tile.x as usize..(8 * tile.x as usize + 8).min(width);
+            let mut flags = TILES_NONE;
+            for y in 8 * tile.y as usize..(8 * tile.y as usize + 8).min(height) {
+                let reach = &surfaces[(y * SURFACE + REACH) * self.pitch + self.margin..];
+                let variance = self.row(y as u32, C);
+                for c in 0..C {
+                    let value = self.row(y as u32, c);
+                    for x in x.clone() {
+                        let surface = u32::from(reach[x] > 0.0);
+                        flags |= tiles_scalar_flags(value[x], variance[x], surface);
+                    }
+                }
+            }
+            flags
+        })
+    }
+
+    /// Whether none of a block's tiles is to be filtered.
+    #[inline(always)]
+    fn leaves_out(&self, x: usize, y: usize) -> bool {
+        let Some(mask) = &self.tiles else {
+            return false;
+        };
+        let first = UVec2::new((x / 8) as u32, (y / 8) as u32);
+        !(0..LANES as u32 / 8).any(|i| mask.is_needed(first + UVec2::new(i, 0)))
+    }
+
+    /// A block that the filter would not change.
+    #[inline(always)]
+    fn copy_block(&self, own: &Row<'_, C>, at: usize, count: usize, known: &Block, out: &mut [f32]) {
+        let planes = own.channels.iter().chain([&own.variance, &own.luminance]);
+        for (k, (plane, values)) in out.chunks_exact_mut(self.pitch).zip(planes).enumerate() {
+            plane[at..at + count].copy_from_slice(&values[at..at + count]);
+            if k == C {
+                for l in 0..count {
+                    plane[at + l] *= known[l];
+                }
             }
         }
     }
@@ -996,6 +1069,136 @@ mod tests {
                 assert!(at(level) == baseline, "{level:?}");
             }
         }
+    }
+
+    fn apart(a: UVec2, b: UVec2) -> u32 {
+        a.x.abs_diff(b.x).max(a.y.abs_diff(b.y))
+    }
+
+    /// Shadows: a few soft ones in full light and full shadow, in each of which
+    /// a pixel here and there is not quite sure, and numbers that are none.
+    fn shadow(at: UVec2, seed: u32) -> ([f32; 1], f32) {
+        let place = |lane| {
+            UVec2::new(
+                (noise(UVec2::new(seed, lane), 20) * 700.0) as u32,
+                (noise(UVec2::new(seed, lane), 21) * 400.0) as u32,
+            )
+        };
+        for lane in 0..2 {
+            if apart(at, place(lane)) < 12 {
+                return ([noise(at, 22)], 0.2 * noise(at, 23));
+            }
+        }
+        let edge = 300 + (noise(UVec2::new(seed, 9), 24) * 200.0) as u32;
+        let lit = f32::from(u8::from(at.x < edge));
+        match (at == place(2), at == place(3), at == place(4)) {
+            (true, ..) => ([lit], 1e-9),
+            (_, true, _) => ([0.999], 0.0),
+            (.., true) => ([f32::NAN], 0.0),
+            _ => ([lit], 0.0),
+        }
+    }
+
+    /// A floor of many heights below a sky.
+    fn floor(at: UVec2) -> SvgfSurface {
+        SvgfSurface {
+            position: Vec3::new(at.x as f32, at.y as f32, noise(at, 1)),
+            reach: if at.y < 60 { 0.0 } else { 0.5 },
+            normal: Vec3::new(0.2 * noise(at, 2), 0.1 * noise(at, 3), 1.0).normalize(),
+        }
+    }
+
+    fn bits<const C: usize>(pass: &SvgfPass<C>) -> Vec<u32> {
+        let rows = (0..pass.size.y).flat_map(|y| (0..=C).map(move |c| (y, c)));
+        rows.flat_map(|(y, c)| pass.row(y, c).iter().map(|v| v.to_bits()))
+            .collect()
+    }
+
+    #[test]
+    fn tiles_that_are_left_out_change_no_bit() {
+        let size = UVec2::new(701, 398);
+        let mut shares = Vec::new();
+        for settings in PRESETS {
+            for seed in 0..6 {
+                let mut full = SvgfPass::<1>::new(size, settings);
+                full.set_surfaces(floor);
+                full.set_image(|at| shadow(at, seed));
+                let mut tiled = full.clone();
+                let (mut fed, mut fed_tiled) = (Vec::new(), Vec::new());
+                full.filter(|p| fed = bits(p));
+                let mask = tiled.filter_tiles(|p| fed_tiled = bits(p));
+                assert!(bits(&full) == bits(&tiled), "{settings:?}, image {seed}");
+                assert!(fed == fed_tiled, "{settings:?}, image {seed}, fed back");
+                let all = mask.tiles().x * mask.tiles().y;
+                shares.push(mask.count() as f32 / all as f32);
+                // Afterwards it filters everything again.
+                full.set_image(|at| shadow(at, seed + 100));
+                tiled.set_image(|at| shadow(at, seed + 100));
+                full.filter(|_| ());
+                tiled.filter(|_| ());
+                assert!(bits(&full) == bits(&tiled));
+            }
+        }
+        println!("parts of the tiles that were filtered: {shares:.2?}");
+        // Many are left out, and many are not.
+        assert!(shares.iter().all(|s| *s > 0.02 && *s < 0.8));
+    }
+
+    #[test]
+    fn reflections_leave_out_mirrors_and_rough_surfaces() {
+        // Rays of a glossy strip between a mirror and a rough wall.
+        let size = UVec2::new(300, 170);
+        let surface = |at: UVec2| SvgfSurface {
+            reach: if at.x > 90 && at.x < 120 { 0.5 } else { 0.0 },
+            ..floor(at)
+        };
+        let image = |at: UVec2| {
+            let (v, variance) = value(at);
+            (v.to_array(), variance.abs())
+        };
+        let mut full = SvgfPass::<3>::new(size, SvgfSettings::PAPER);
+        full.set_surfaces(surface);
+        full.set_image(image);
+        let mut tiled = full.clone();
+        full.filter(|_| ());
+        let mask = tiled.filter_tiles(|_| ());
+        assert!(bits(&full) == bits(&tiled));
+        let share = mask.count() as f32 / (mask.tiles().x * mask.tiles().y) as f32;
+        println!("{share:.2} of the tiles were filtered");
+        assert!(share > 0.1 && share < 0.5, "{share}");
+    }
+
+    #[test]
+    fn a_reach_one_tile_too_small_is_not_enough() {
+        // One uncertain pixel in full light, and the tiles that it ends in.
+        let size = UVec2::new(300, 300);
+        let spot = UVec2::new(151, 151);
+        let mut full = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+        full.set_surfaces(|at| SvgfSurface {
+            position: Vec3::new(at.x as f32, at.y as f32, 0.0),
+            reach: 1.0,
+            normal: Vec3::Z,
+        });
+        // Near enough to its neighbours for them to take it in at once.
+        full.set_image(|at| {
+            if at == spot {
+                ([0.99999], 1e6)
+            } else {
+                ([1.0], 0.0)
+            }
+        });
+        let before = full.clone();
+        full.filter(|_| ());
+        let mut farthest = 0;
+        for i in 0..size.x * size.y {
+            let at = UVec2::new(i % size.x, i / size.x);
+            if full.at(at) != before.at(at) {
+                farthest = farthest.max(apart(at / 8, spot / 8));
+            }
+        }
+        println!("the pixel is seen {farthest} tiles away");
+        let pixels = tiles_atrous_reach(2, 5);
+        assert_eq!(farthest, tiles_reach(pixels));
     }
 
     #[test]

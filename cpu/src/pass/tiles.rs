@@ -1,0 +1,120 @@
+//! [`filter::tiles`](crate::filter::tiles) over whole images: which tiles of
+//! 8 × 8 pixels are to be filtered, in order.
+
+use glam::UVec2;
+
+use super::svgf::for_rows;
+use crate::filter::tiles::{
+    TILES_NONE, tiles_at, tiles_count, tiles_flags, tiles_horizontal, tiles_needed, tiles_vertical,
+};
+
+/// The tiles of an image that a filter has to touch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TileMask {
+    tiles: UVec2,
+    /// Row by row.
+    needed: Vec<bool>,
+}
+
+impl TileMask {
+    /// The mask for a filter that reaches `reach` tiles to either side
+    /// (`tiles_reach`); `read(at)` gives a pixel's flags. Each side of the image
+    /// is below 2^20.
+    #[must_use]
+    pub fn new(size: UVec2, reach: u32, read: impl Fn(UVec2) -> u32 + Sync + Send) -> Self {
+        let tiles = tiles_count(size);
+        let across = tiles.x as usize;
+        let index = |tile: UVec2| tile.y as usize * across + tile.x as usize;
+        let each = |out: &mut [u32], make: &(dyn Fn(UVec2) -> u32 + Sync)| {
+            for_rows(out, across.max(1), |y, row| {
+                for (x, flags) in row.iter_mut().enumerate() {
+                    *flags = make(UVec2::new(x as u32, y as u32));
+                }
+            });
+        };
+        let mut own = vec![TILES_NONE; across * tiles.y as usize];
+        let (mut rows, mut around) = (own.clone(), own.clone());
+        let reach = reach.min(1 << 20);
+        each(&mut own, &|tile| tiles_flags(tile, size, &read));
+        each(&mut rows, &|tile| {
+            tiles_horizontal(tile, tiles, reach, |t| own[index(t)])
+        });
+        each(&mut around, &|tile| {
+            tiles_vertical(tile, tiles, reach, |t| rows[index(t)])
+        });
+        let needed = own.iter().zip(&around);
+        Self {
+            tiles,
+            needed: needed.map(|(o, a)| tiles_needed(*o, *a) != 0).collect(),
+        }
+    }
+
+    /// Tiles across and down.
+    #[must_use]
+    pub fn tiles(&self) -> UVec2 {
+        self.tiles
+    }
+
+    /// Whether a tile is to be filtered; one outside is not.
+    #[must_use]
+    pub fn is_needed(&self, tile: UVec2) -> bool {
+        let inside = tile.x < self.tiles.x && tile.y < self.tiles.y;
+        inside && self.needed[tile.y as usize * self.tiles.x as usize + tile.x as usize]
+    }
+
+    /// The tiles to filter, row by row.
+    pub fn iter(&self) -> impl Iterator<Item = UVec2> + '_ {
+        let needed = (0..).zip(&self.needed).filter(|(_, needed)| **needed);
+        needed.map(|(i, _)| tiles_at(i, self.tiles.x))
+    }
+
+    /// How many tiles are to be filtered.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.needed.iter().filter(|needed| **needed).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::tiles::{TILES_LIT, TILES_MIXED};
+
+    #[test]
+    fn the_list_is_the_mask_in_order() {
+        let size = UVec2::new(100, 70);
+        let spot = UVec2::new(50, 30);
+        let read = |at| if at == spot { TILES_MIXED } else { TILES_LIT };
+        let mask = TileMask::new(size, 1, read);
+        assert_eq!(mask.tiles(), UVec2::new(13, 9));
+        let list: Vec<_> = mask.iter().map(|t| t.to_array()).collect();
+        assert_eq!(
+            list,
+            [
+                [5, 2],
+                [6, 2],
+                [7, 2],
+                [5, 3],
+                [6, 3],
+                [7, 3],
+                [5, 4],
+                [6, 4],
+                [7, 4]
+            ]
+        );
+        assert_eq!(mask.count(), 9);
+        for i in 0..13 * 9 {
+            let tile = tiles_at(i, 13);
+            assert_eq!(mask.is_needed(tile), list.contains(&tile.to_array()));
+        }
+        assert!(!mask.is_needed(UVec2::new(13, 3)));
+    }
+
+    #[test]
+    fn no_image_is_no_trouble() {
+        for size in [UVec2::ZERO, UVec2::new(0, 9), UVec2::new(9, 0)] {
+            let mask = TileMask::new(size, 8, |_| -> u32 { panic!("a pixel was read") });
+            assert_eq!(mask.count(), 0);
+        }
+    }
+}
