@@ -5,8 +5,12 @@ use raytwin::filter::svgf::{
     SvgfColor, SvgfScalar, SvgfSettings, SvgfSurface, svgf_variance_pixel,
     svgf_variance_scalar_pixel,
 };
+use raytwin::filter::tiles::{
+    tiles_at, tiles_atrous_reach, tiles_color_flags, tiles_count, tiles_reach, tiles_scalar_flags,
+};
 use raytwin::gpu::BvhBuffers;
 use raytwin::pass::svgf::{SvgfGpu, SvgfPass, SvgfSignal};
+use raytwin::pass::tiles::TileMask;
 use raytwin::random::pcg::{pcg_hash, pcg_unit};
 use raytwin::ray::bvh::{BVH_MISS, BvhHit, bvh_closest};
 use raytwin::ray::bvh_build::{BuildQuality, Bvh};
@@ -261,6 +265,133 @@ fn svgf_passes_give_what_the_cpu_gives() {
                         "{}: {signal:?} {size}: {worst:e}",
                         gpu.label()
                     );
+                }
+            }
+        }
+    }
+}
+
+/// A shadow's edge over a floor below a sky, with a pixel of doubt in full
+/// light, one in full shadow, and one that is no number.
+fn edge(at: UVec2) -> SvgfScalar {
+    let lit = if at.x < 200 { 1.0 } else { 0.0 };
+    let (value, variance) = match (at.x, at.y) {
+        (195..205, 300..) => (noise(at, 8), 0.1 * noise(at, 9)),
+        (21, 187) => (lit, 1e-9),
+        (413, 141) => (0.001, 0.0),
+        (399, 330) => (f32::NAN, 0.0),
+        (30..60, 0..40) => (noise(at, 10), 0.1),
+        _ => (lit, 0.0),
+    };
+    SvgfScalar { value, variance }
+}
+
+fn edge_color(at: UVec2) -> SvgfColor {
+    let s = edge(at);
+    let tint = if s.variance > 1e-6 { 0.7 } else { 1.0 };
+    SvgfColor {
+        value: Vec3::new(s.value, tint * s.value, s.value),
+        variance: s.variance,
+    }
+}
+
+fn floor(at: UVec2) -> SvgfSurface {
+    SvgfSurface {
+        reach: if at.y < 50 { 0.0 } else { 0.5 },
+        ..wall(at)
+    }
+}
+
+/// The filter's output and feedback on an adapter, as bits.
+fn bits_on(gpu: &Gpu, filter: &SvgfGpu, signal: SvgfSignal) -> [Vec<u32>; 2] {
+    let size = filter.size();
+    let pixels = || (0..size.x * size.y).map(|i| UVec2::new(i % size.x, i / size.x));
+    let write = |buffer: &wgpu::Buffer, values: Vec<f32>| {
+        gpu.queue()
+            .write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+    };
+    let surfaces = pixels().map(floor).flat_map(|s| {
+        let (p, n) = (s.position, s.normal);
+        [p.x, p.y, p.z, s.reach, n.x, n.y, n.z, 0.0]
+    });
+    write(filter.surfaces(), surfaces.collect());
+    write(filter.history(), pixels().map(frames).collect());
+    let image = pixels().flat_map(|at| match signal {
+        SvgfSignal::Color => {
+            let c = edge_color(at);
+            vec![c.value.x, c.value.y, c.value.z, c.variance]
+        }
+        SvgfSignal::Scalar => {
+            let s = edge(at);
+            vec![s.value, s.variance]
+        }
+    });
+    write(filter.input(), image.collect());
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    filter.encode(&mut encoder);
+    gpu.queue().submit([encoder.finish()]);
+    [filter.output(), filter.feedback()].map(|buffer| gpu.read(buffer, buffer.size() as usize / 4))
+}
+
+/// Indirect dispatch over the listed tiles gives the bits of the full dispatch,
+/// and the list is the CPU's; a list that is too short is not used.
+#[test]
+fn svgf_over_tiles_gives_the_bits_of_the_whole() {
+    for gpu in adapters().unwrap_or_else(|e| panic!("{e}")) {
+        for settings in [SvgfSettings::PAPER, SvgfSettings::BLOG] {
+            for signal in [SvgfSignal::Color, SvgfSignal::Scalar] {
+                let sizes = [UVec2::new(517, 401), UVec2::new(300, 190)];
+                let device = gpu.device();
+                let mut whole = SvgfGpu::new(device, sizes[0], settings, signal).expect("linked");
+                let tiled = |most| {
+                    SvgfGpu::with_tiles(device, sizes[0], settings, signal, most).expect("linked")
+                };
+                let (mut enough, mut short) = (tiled(u32::MAX), tiled(5));
+                for size in sizes {
+                    for filter in [&mut whole, &mut enough, &mut short] {
+                        if filter.size() != size {
+                            filter.resize(device, size);
+                        }
+                    }
+                    let want = bits_on(gpu, &whole, signal);
+                    let label = format!("{}: {signal:?} {size}", gpu.label());
+                    // Twice: the second run's list may not hold the first's.
+                    for _ in 0..2 {
+                        let same = bits_on(gpu, &enough, signal) == want;
+                        assert!(same, "{label}: tiles change bits");
+                        let same = bits_on(gpu, &short, signal) == want;
+                        assert!(same, "{label}: a short list changes bits");
+                    }
+                    // The list, in whatever order, is the CPU's.
+                    let pixels = tiles_atrous_reach(settings.radius, settings.passes) + 3;
+                    let mask = TileMask::new(size, tiles_reach(pixels), |at| {
+                        let surface = u32::from(floor(at).reach > 0.0);
+                        match signal {
+                            SvgfSignal::Color => {
+                                let c = edge_color(at);
+                                tiles_color_flags(c.value, c.variance, surface)
+                            }
+                            SvgfSignal::Scalar => {
+                                let s = edge(at);
+                                tiles_scalar_flags(s.value, s.variance, surface)
+                            }
+                        }
+                    });
+                    let buffer = enough.tiles().expect("made with tiles");
+                    let words = gpu.read(buffer, buffer.size() as usize / 4);
+                    let count = words[4] as usize;
+                    let mut listed: Vec<_> = words[5..5 + count].to_vec();
+                    listed.sort_unstable();
+                    let across = tiles_count(size).x;
+                    let listed: Vec<_> = listed.iter().map(|i| tiles_at(*i, across)).collect();
+                    assert_eq!(listed, mask.iter().collect::<Vec<_>>(), "{label}");
+                    assert_eq!((words[2], words[3]), (1, 0), "{label}");
+                    let all = tiles_count(size).element_product() as usize;
+                    println!("{label}: {count} of {all} tiles");
+                    assert!(count > all / 20 && count < 9 * all / 10, "{label}: {count}");
+                    let buffer = short.tiles().expect("made with tiles");
+                    let words = gpu.read(buffer, 4);
+                    assert_eq!(words[3], 1, "{label}: a list of 5 was used");
                 }
             }
         }

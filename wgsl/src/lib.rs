@@ -42,6 +42,9 @@ pub mod pass {
     pub const SVGF_COLOR: &str = include_str!("filter/svgf.pass_color.wgsl");
     /// `filter/svgf` for scalars.
     pub const SVGF_SCALAR: &str = include_str!("filter/svgf.pass_scalar.wgsl");
+    /// After one of these: `filter/svgf` over a list of `filter/tiles`, with the
+    /// bindings of that module.
+    pub const SVGF_TILES: &str = include_str!("filter/svgf.pass_tiles.wgsl");
 }
 
 /// Why [`link`] could not put a program together.

@@ -2,3 +2,4 @@
 
 pub mod bvh8;
 pub mod svgf;
+pub mod tiles;

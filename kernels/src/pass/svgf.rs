@@ -12,8 +12,18 @@ mod gpu {
     use wgpu::util::DeviceExt;
 
     use crate::filter::svgf::SvgfSettings;
+    use crate::filter::tiles::{TILES_SIZE, tiles_atrous_reach, tiles_count, tiles_reach};
 
-    const WORKGROUP: u32 = 8;
+    /// Pixels on a side of a workgroup: a tile's.
+    const WORKGROUP: u32 = TILES_SIZE;
+
+    /// Where the bindings of `filter/tiles` are, and how many.
+    const TILES_GROUP: u32 = 2;
+    const TILES_BINDINGS: [u32; 4] = [41, 42, 43, 44];
+
+    /// Bytes of the list before its tiles: the dispatch's groups, whether the
+    /// list is left aside, the count.
+    const LIST_HEAD: u64 = 20;
 
     /// What is filtered.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +77,27 @@ mod gpu {
         atrous: wgpu::ComputePipeline,
         layout: wgpu::BindGroupLayout,
         buffers: Buffers,
+        tiles: Option<Tiles>,
+    }
+
+    /// How tiles are left out.
+    #[derive(Debug)]
+    struct Tiles {
+        /// Most tiles in the list.
+        most: u32,
+        layout: wgpu::BindGroupLayout,
+        classify: wgpu::ComputePipeline,
+        rows: wgpu::ComputePipeline,
+        list: wgpu::ComputePipeline,
+        arguments: wgpu::ComputePipeline,
+        buffers: TileBuffers,
+    }
+
+    #[derive(Debug)]
+    struct TileBuffers {
+        list: wgpu::Buffer,
+        arguments: wgpu::Buffer,
+        group: wgpu::BindGroup,
     }
 
     #[derive(Debug)]
@@ -92,11 +123,50 @@ mod gpu {
             settings: SvgfSettings,
             signal: SvgfSignal,
         ) -> Result<Self, raytwin_wgsl::LinkError> {
-            let source = raytwin_wgsl::link(&["filter/svgf"])?
-                + match signal {
-                    SvgfSignal::Color => raytwin_wgsl::pass::SVGF_COLOR,
-                    SvgfSignal::Scalar => raytwin_wgsl::pass::SVGF_SCALAR,
-                };
+            Self::build(device, size, settings, signal, None)
+        }
+
+        /// As [`Self::new`], but leaves out the tiles of 8 × 8 pixels that the
+        /// filter cannot change (`filter/tiles`): the same bits, sooner where
+        /// much of the image is exactly 1 or exactly 0 with a variance of 0, or
+        /// has no surface.
+        ///
+        /// The list of the others holds `most` tiles (at least 3; a `u32` each,
+        /// and never more than there are). If more are needed, all are filtered.
+        /// The device must support indirect dispatch.
+        ///
+        /// # Errors
+        /// If a module that the passes stand on is not registered.
+        pub fn with_tiles(
+            device: &wgpu::Device,
+            size: UVec2,
+            settings: SvgfSettings,
+            signal: SvgfSignal,
+            most: u32,
+        ) -> Result<Self, raytwin_wgsl::LinkError> {
+            Self::build(device, size, settings, signal, Some(most))
+        }
+
+        fn build(
+            device: &wgpu::Device,
+            size: UVec2,
+            settings: SvgfSettings,
+            signal: SvgfSignal,
+            most: Option<u32>,
+        ) -> Result<Self, raytwin_wgsl::LinkError> {
+            let names = ["filter/svgf", "filter/tiles"];
+            let used = if most.is_some() { 2 } else { 1 };
+            let mut source = raytwin_wgsl::link(&names[..used])?;
+            source += match signal {
+                SvgfSignal::Color => raytwin_wgsl::pass::SVGF_COLOR,
+                SvgfSignal::Scalar => raytwin_wgsl::pass::SVGF_SCALAR,
+            };
+            if most.is_some() {
+                source += raytwin_wgsl::module("filter/tiles")
+                    .and_then(|module| module.bindings)
+                    .unwrap_or_default();
+                source += raytwin_wgsl::pass::SVGF_TILES;
+            }
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some("raytwin svgf"),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -122,9 +192,18 @@ mod gpu {
                     entry(4, storage(false)),
                 ],
             });
+            let tiles_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some("raytwin svgf tiles"),
+                entries: &TILES_BINDINGS.map(|binding| match binding {
+                    44 => entry(binding, wgpu::BufferBindingType::Uniform),
+                    _ => entry(binding, storage(false)),
+                }),
+            });
+            let groups = [Some(&layout), None, Some(&tiles_layout)];
+            let used = if most.is_some() { 3 } else { 1 };
             let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("raytwin svgf"),
-                bind_group_layouts: &[Some(&layout)],
+                bind_group_layouts: &groups[..used],
                 immediate_size: 0,
             });
             let pipeline = |name| {
@@ -142,14 +221,28 @@ mod gpu {
                 passes: settings.passes.min(16),
                 ..settings
             };
+            let (variance, atrous) = match most {
+                None => ("svgf_pass_variance", "svgf_pass_atrous"),
+                Some(_) => ("svgf_pass_variance_listed", "svgf_pass_atrous_listed"),
+            };
+            let tiles = most.map(|most| Tiles {
+                most,
+                classify: pipeline("svgf_pass_classify"),
+                rows: pipeline("svgf_pass_rows"),
+                list: pipeline("svgf_pass_list"),
+                arguments: pipeline("svgf_pass_arguments"),
+                buffers: TileBuffers::new(device, &tiles_layout, size, settings, most),
+                layout: tiles_layout.clone(),
+            });
             Ok(Self {
                 size,
                 settings,
                 signal,
-                variance: pipeline("svgf_pass_variance"),
-                atrous: pipeline("svgf_pass_atrous"),
+                variance: pipeline(variance),
+                atrous: pipeline(atrous),
                 buffers: Buffers::new(device, &layout, size, settings, signal),
                 layout,
+                tiles,
             })
         }
 
@@ -158,6 +251,10 @@ mod gpu {
             self.size = size.max(UVec2::ONE);
             self.buffers =
                 Buffers::new(device, &self.layout, self.size, self.settings, self.signal);
+            if let Some(tiles) = &mut self.tiles {
+                tiles.buffers =
+                    TileBuffers::new(device, &tiles.layout, self.size, self.settings, tiles.most);
+            }
         }
 
         /// Width and height.
@@ -201,6 +298,14 @@ mod gpu {
             &self.buffers.feedback
         }
 
+        /// With [`Self::with_tiles`], what the last frame filtered: five `u32`
+        /// (workgroups in three dimensions; not 0 if the list was too short;
+        /// tiles to filter), then their indices, row by row, in no order.
+        #[must_use]
+        pub fn tiles(&self) -> Option<&wgpu::Buffer> {
+            self.tiles.as_ref().map(|tiles| &tiles.buffers.list)
+        }
+
         /// Encodes the variance and all passes.
         pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
             self.encode_timed(encoder, None);
@@ -213,6 +318,9 @@ mod gpu {
             encoder: &mut wgpu::CommandEncoder,
             timestamps: Option<&wgpu::QuerySet>,
         ) {
+            if let Some(tiles) = &self.tiles {
+                self.encode_list(encoder, tiles);
+            }
             for (i, group) in self.buffers.groups.iter().enumerate() {
                 {
                     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -227,17 +335,111 @@ mod gpu {
                     });
                     pass.set_pipeline(if i == 0 { &self.variance } else { &self.atrous });
                     pass.set_bind_group(0, group, &[]);
-                    pass.dispatch_workgroups(
-                        self.size.x.div_ceil(WORKGROUP),
-                        self.size.y.div_ceil(WORKGROUP),
-                        1,
-                    );
+                    if let Some(tiles) = &self.tiles {
+                        pass.set_bind_group(TILES_GROUP, &tiles.buffers.group, &[]);
+                        pass.dispatch_workgroups_indirect(&tiles.buffers.arguments, 0);
+                    } else {
+                        let across = tiles_count(self.size);
+                        pass.dispatch_workgroups(across.x, across.y, 1);
+                    }
                 }
                 if i as u32 == self.settings.feedback + 1 {
                     let written = &self.buffers.images[(i + 1) % 2];
                     let bytes = written.size();
                     encoder.copy_buffer_to_buffer(written, 0, &self.buffers.feedback, 0, bytes);
                 }
+            }
+        }
+
+        /// Lists the tiles to filter.
+        fn encode_list(&self, encoder: &mut wgpu::CommandEncoder, tiles: &Tiles) {
+            let buffers = &tiles.buffers;
+            encoder.clear_buffer(&buffers.list, 0, Some(LIST_HEAD));
+            let across = tiles_count(self.size);
+            let few = UVec2::new(across.x.div_ceil(WORKGROUP), across.y.div_ceil(WORKGROUP));
+            for (pipeline, groups) in [
+                (&tiles.classify, across),
+                (&tiles.rows, few),
+                (&tiles.list, across),
+                (&tiles.arguments, UVec2::ONE),
+            ] {
+                let mut pass = begin(encoder);
+                pass.set_pipeline(pipeline);
+                // The input, and the image that the variance's pass writes.
+                pass.set_bind_group(0, &self.buffers.groups[0], &[]);
+                pass.set_bind_group(TILES_GROUP, &buffers.group, &[]);
+                pass.dispatch_workgroups(groups.x, groups.y, 1);
+            }
+            encoder.copy_buffer_to_buffer(&buffers.list, 0, &buffers.arguments, 0, 12);
+        }
+    }
+
+    fn begin(encoder: &mut wgpu::CommandEncoder) -> wgpu::ComputePass<'_> {
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("raytwin svgf"),
+            timestamp_writes: None,
+        })
+    }
+
+    impl TileBuffers {
+        fn new(
+            device: &wgpu::Device,
+            layout: &wgpu::BindGroupLayout,
+            size: UVec2,
+            settings: SvgfSettings,
+            most: u32,
+        ) -> Self {
+            let tiles = tiles_count(size);
+            let count = u64::from(tiles.x) * u64::from(tiles.y);
+            let buffer = |label, bytes, usage| {
+                device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size: bytes,
+                    usage,
+                    mapped_at_creation: false,
+                })
+            };
+            let storage = wgpu::BufferUsages::STORAGE;
+            let flags = buffer("raytwin svgf tiles", 4 * count, storage);
+            let rows = buffer("raytwin svgf tiles", 4 * count, storage);
+            // WGSL takes no smaller one.
+            let room = count.min(u64::from(most)).max(3);
+            let list = buffer(
+                "raytwin svgf tiles",
+                LIST_HEAD + 4 * room,
+                storage | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            );
+            let arguments = buffer(
+                "raytwin svgf tiles",
+                12,
+                wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
+            );
+            // The spatial variance looks 3 pixels farther than the passes.
+            let pixels = tiles_atrous_reach(settings.radius, settings.passes) + 3;
+            let words = [size.x, size.y, tiles.x, tiles_reach(pixels)];
+            let uniform = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("raytwin svgf tiles"),
+                contents: &words.map(u32::to_le_bytes).concat(),
+                usage: wgpu::BufferUsages::UNIFORM,
+            });
+            let bound = [&flags, &rows, &list, &uniform];
+            let entries: Vec<_> = TILES_BINDINGS
+                .into_iter()
+                .zip(bound)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: buffer.as_entire_binding(),
+                })
+                .collect();
+            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("raytwin svgf tiles"),
+                layout,
+                entries: &entries,
+            });
+            Self {
+                list,
+                arguments,
+                group,
             }
         }
     }

@@ -32,26 +32,37 @@ fn svgf_read_scalar(at: vec2u) -> SvgfScalar {
     return SvgfScalar(found.x, found.y);
 }
 
+// What is filtered here, for the passes over tiles.
+const SVGF_PASS_COLOR: bool = false;
+
 // The variance, estimated over the image where the history is short.
-@compute @workgroup_size(8, 8)
-fn svgf_pass_variance(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= svgf_pass.width || id.y >= svgf_pass.height {
+fn svgf_pass_estimate(at: vec2u) {
+    if at.x >= svgf_pass.width || at.y >= svgf_pass.height {
         return;
     }
-    let index = id.y * svgf_pass.width + id.x;
+    let index = at.y * svgf_pass.width + at.x;
     let size = vec2u(svgf_pass.width, svgf_pass.height);
     let variance = svgf_variance_scalar_pixel(
-        id.xy, size, svgf_pass_history[index], svgf_pass.settings,
+        at, size, svgf_pass_history[index], svgf_pass.settings,
     );
     svgf_pass_output[index] = vec2f(svgf_pass_input[index].x, variance);
 }
 
-@compute @workgroup_size(8, 8)
-fn svgf_pass_atrous(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= svgf_pass.width || id.y >= svgf_pass.height {
+fn svgf_pass_filter(at: vec2u) {
+    if at.x >= svgf_pass.width || at.y >= svgf_pass.height {
         return;
     }
     let size = vec2u(svgf_pass.width, svgf_pass.height);
-    let out = svgf_atrous_scalar_pixel(id.xy, size, svgf_pass.step, svgf_pass.settings);
-    svgf_pass_output[id.y * svgf_pass.width + id.x] = vec2f(out.value, out.variance);
+    let out = svgf_atrous_scalar_pixel(at, size, svgf_pass.step, svgf_pass.settings);
+    svgf_pass_output[at.y * svgf_pass.width + at.x] = vec2f(out.value, out.variance);
+}
+
+@compute @workgroup_size(8, 8)
+fn svgf_pass_variance(@builtin(global_invocation_id) id: vec3u) {
+    svgf_pass_estimate(id.xy);
+}
+
+@compute @workgroup_size(8, 8)
+fn svgf_pass_atrous(@builtin(global_invocation_id) id: vec3u) {
+    svgf_pass_filter(id.xy);
 }

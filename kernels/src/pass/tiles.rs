@@ -1,0 +1,3 @@
+//! `filter/tiles` over whole images, on the CPU.
+
+pub use raytwin_cpu::pass::tiles::*;
