@@ -278,7 +278,8 @@ fn edge(at: UVec2) -> SvgfScalar {
     let (value, variance) = match (at.x, at.y) {
         (195..205, 300..) => (noise(at, 8), 0.1 * noise(at, 9)),
         (21, 187) => (lit, 1e-9),
-        (413, 141) => (0.001, 0.0),
+        // Where the spatial variance and the passes reach the ninth tile.
+        (423, 143) => (0.001, 0.0),
         (399, 330) => (f32::NAN, 0.0),
         (30..60, 0..40) => (noise(at, 10), 0.1),
         _ => (lit, 0.0),
@@ -384,7 +385,8 @@ fn svgf_over_tiles_gives_the_bits_of_the_whole() {
                     listed.sort_unstable();
                     let across = tiles_count(size).x;
                     let listed: Vec<_> = listed.iter().map(|i| tiles_at(*i, across)).collect();
-                    assert_eq!(listed, mask.iter().collect::<Vec<_>>(), "{label}");
+                    let same = listed == mask.iter().collect::<Vec<_>>();
+                    assert!(same, "{label}: the list is not the CPU's");
                     assert_eq!((words[2], words[3]), (1, 0), "{label}");
                     let all = tiles_count(size).element_product() as usize;
                     println!("{label}: {count} of {all} tiles");
