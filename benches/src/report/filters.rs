@@ -65,6 +65,35 @@ fn passes<const C: usize>(size: UVec2, repeats: usize, level: SimdLevel) -> f64 
     median(&mut times)
 }
 
+/// A shadow of which this share, from the left, is full light beyond doubt: the
+/// medians in milliseconds of filtering all of it and of leaving out tiles, and
+/// the part of the tiles that was filtered.
+fn tiled(size: UVec2, share: f64, repeats: usize) -> (f64, f64, f64) {
+    let edge = (f64::from(size.x) * share) as u32;
+    let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+    pass.set_surfaces(surface);
+    let (mut whole, mut some, mut part) = (Vec::new(), Vec::new(), 0.0);
+    for _ in 0..repeats {
+        let image = |at: UVec2| {
+            if at.x < edge {
+                ([1.0], 0.0)
+            } else {
+                ([value(at)[0]], VARIANCE)
+            }
+        };
+        pass.set_image(image);
+        let start = Instant::now();
+        pass.filter(|_| ());
+        whole.push(start.elapsed().as_secs_f64() * 1e3);
+        pass.set_image(image);
+        let start = Instant::now();
+        let mask = pass.filter_tiles(|_| ());
+        some.push(start.elapsed().as_secs_f64() * 1e3);
+        part = mask.count() as f64 / f64::from(mask.tiles().element_product());
+    }
+    (median(&mut whole), median(&mut some), part)
+}
+
 fn pixels(size: UVec2) -> impl IndexedParallelIterator<Item = UVec2> {
     (0..size.x * size.y)
         .into_par_iter()
@@ -148,6 +177,21 @@ pub(super) fn goals(repeats: usize) -> Vec<GoalRow> {
                 format!("{ms:.0} ms on {threads} threads"),
             );
         }
+    }
+    for (share, limit) in [(0.5, 0.7), (0.9, 0.3)] {
+        let (whole, some, part) = tiled(SIZES[1], share, repeats);
+        goal(
+            format!(
+                "SVGF, shadow at 1080p, {:.0} % full light: tiles over the whole",
+                100.0 * share
+            ),
+            some / whole,
+            limit,
+            format!(
+                "{some:.0} ms over {whole:.0} ms on {threads} threads, {:.0} % of the tiles filtered",
+                100.0 * part
+            ),
+        );
     }
     let (loop_colour, loop_scalar) = loops(SMALL);
     let small_colour = passes::<3>(SMALL, repeats, best);

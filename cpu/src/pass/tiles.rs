@@ -1,6 +1,8 @@
 //! [`filter::tiles`](crate::filter::tiles) over whole images: which tiles of
 //! 8 × 8 pixels are to be filtered, in order.
 
+use std::ops::Range;
+
 use glam::UVec2;
 
 use super::svgf::for_rows;
@@ -22,6 +24,12 @@ impl TileMask {
     /// is below 2^20.
     #[must_use]
     pub fn new(size: UVec2, reach: u32, read: impl Fn(UVec2) -> u32 + Sync + Send) -> Self {
+        Self::from_tiles(size, reach, |tile| tiles_flags(tile, size, &read))
+    }
+
+    /// As [`Self::new`], from the flags of whole tiles.
+    #[must_use]
+    pub fn from_tiles(size: UVec2, reach: u32, read: impl Fn(UVec2) -> u32 + Sync + Send) -> Self {
         let tiles = tiles_count(size);
         let across = tiles.x as usize;
         let index = |tile: UVec2| tile.y as usize * across + tile.x as usize;
@@ -35,7 +43,7 @@ impl TileMask {
         let mut own = vec![TILES_NONE; across * tiles.y as usize];
         let (mut rows, mut around) = (own.clone(), own.clone());
         let reach = reach.min(1 << 20);
-        each(&mut own, &|tile| tiles_flags(tile, size, &read));
+        each(&mut own, &read);
         each(&mut rows, &|tile| {
             tiles_horizontal(tile, tiles, reach, |t| own[index(t)])
         });
@@ -60,6 +68,16 @@ impl TileMask {
     pub fn is_needed(&self, tile: UVec2) -> bool {
         let inside = tile.x < self.tiles.x && tile.y < self.tiles.y;
         inside && self.needed[tile.y as usize * self.tiles.x as usize + tile.x as usize]
+    }
+
+    /// The tiles of a row from the first to the last that is to be filtered.
+    #[must_use]
+    pub fn span(&self, row: u32) -> Range<u32> {
+        let columns = || (0..self.tiles.x).filter(|x| self.is_needed(UVec2::new(*x, row)));
+        match (columns().next(), columns().next_back()) {
+            (Some(first), Some(last)) => first..last + 1,
+            _ => 0..0,
+        }
     }
 
     /// The tiles to filter, row by row.
@@ -108,6 +126,10 @@ mod tests {
             assert_eq!(mask.is_needed(tile), list.contains(&tile.to_array()));
         }
         assert!(!mask.is_needed(UVec2::new(13, 3)));
+        assert_eq!(
+            (mask.span(3), mask.span(5), mask.span(99)),
+            (5..8, 0..0, 0..0)
+        );
     }
 
     #[test]
