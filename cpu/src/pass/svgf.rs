@@ -791,7 +791,14 @@ impl<const C: usize> SvgfPass<C> {
 
     /// A block that the filter would not change.
     #[inline(always)]
-    fn copy_block(&self, own: &Row<'_, C>, at: usize, count: usize, known: &Block, out: &mut [f32]) {
+    fn copy_block(
+        &self,
+        own: &Row<'_, C>,
+        at: usize,
+        count: usize,
+        known: &Block,
+        out: &mut [f32],
+    ) {
         let planes = own.channels.iter().chain([&own.variance, &own.luminance]);
         for (k, (plane, values)) in out.chunks_exact_mut(self.pitch).zip(planes).enumerate() {
             plane[at..at + count].copy_from_slice(&values[at..at + count]);
