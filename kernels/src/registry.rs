@@ -58,6 +58,7 @@ registry! {
     sample / hemisphere;
     sample / sphere;
     temporal / accumulate;
+    temporal / multiscale_mean;
     temporal / reproject;
     temporal / taa;
     temporal / variance_clamp;

@@ -250,6 +250,7 @@ modules! {
     /// Filters over time.
     temporal {
         ACCUMULATE "accumulate" ["math/luminance"];
+        MULTISCALE_MEAN "multiscale_mean" [];
         REPROJECT "reproject" [
             "math/exponent", "math/luminance", "math/sanitize", "math/vector", "ray/camera"
         ] {
