@@ -28,6 +28,8 @@ const MULTISCALE_MEAN_FLOOR: f32 = 0.00390625;
 const MULTISCALE_MEAN_CALM: f32 = 2.25;
 // How fast the weight grows beyond that.
 const MULTISCALE_MEAN_EAGER: f32 = 0.34375;
+// The smallest normal number: a smaller variance is 0.
+const MULTISCALE_MEAN_LEAST: f32 = 1.1754944e-38;
 
 // What the printed estimator knows of a number; the chapter starts from zeros.
 struct MultiscaleMeanState {
@@ -134,18 +136,17 @@ fn multiscale_mean_rgb_luma(value: vec3f) -> f32 {
     return 0.299 * value.x + 0.587 * value.y + 0.114 * value.z;
 }
 
-// From one toward the other, never beyond either; what is left of it below
-// 2^-100 is 0.
-fn multiscale_mean_toward(a: f32, b: f32, t: f32) -> f32 {
+// From one toward the other, never beyond either; what is below least is 0.
+fn multiscale_mean_toward(a: f32, b: f32, t: f32, least: f32) -> f32 {
     let moved = min(max(a + (b - a) * t, min(a, b)), max(a, b));
-    return select(moved, 0.0, abs(moved) < MULTISCALE_MEAN_TINY);
+    return select(moved, 0.0, abs(moved) < least);
 }
 
-fn multiscale_mean_rgb_toward(a: vec3f, b: vec3f, t: f32) -> vec3f {
+fn multiscale_mean_rgb_toward(a: vec3f, b: vec3f, t: f32, least: f32) -> vec3f {
     return vec3f(
-        multiscale_mean_toward(a.x, b.x, t),
-        multiscale_mean_toward(a.y, b.y, t),
-        multiscale_mean_toward(a.z, b.z, t),
+        multiscale_mean_toward(a.x, b.x, t, least),
+        multiscale_mean_toward(a.y, b.y, t, least),
+        multiscale_mean_toward(a.z, b.z, t, least),
     );
 }
 
@@ -254,7 +255,9 @@ fn multiscale_mean_robust_rgb_step(
     let spread = sqrt(short_blend / (2.0 - short_blend));
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_rgb_luma(apart / divisor) / spread;
-    let inconsistency = multiscale_mean_toward(kept.inconsistency, relative, short_blend);
+    let inconsistency = multiscale_mean_toward(
+        kept.inconsistency, relative, short_blend, MULTISCALE_MEAN_LEAST,
+    );
     let level = max(abs(kept.short_mean), vec3f(MULTISCALE_MEAN_TINY));
     let reduction = clamp(multiscale_mean_rgb_luma(level * 0.5 / divisor), 0.03125, 1.0);
     let catch_up = multiscale_mean_robust_blend(relative, inconsistency, reduction);
@@ -275,10 +278,12 @@ fn multiscale_mean_robust_rgb_step(
     let delta = clipped - kept.short_mean;
     let spread_now = delta * delta * (1.0 - short);
     return MultiscaleMeanRobustRgbState(
-        multiscale_mean_rgb_toward(kept.mean, clipped, blend),
-        multiscale_mean_rgb_toward(kept.short_mean, clipped, short),
-        multiscale_mean_rgb_toward(kept.excess, sample - clipped, young),
-        multiscale_mean_rgb_toward(kept.variance, spread_now, max(short_blend * 0.5, young)),
+        multiscale_mean_rgb_toward(kept.mean, clipped, blend, MULTISCALE_MEAN_TINY),
+        multiscale_mean_rgb_toward(kept.short_mean, clipped, short, MULTISCALE_MEAN_TINY),
+        multiscale_mean_rgb_toward(kept.excess, sample - clipped, young, MULTISCALE_MEAN_TINY),
+        multiscale_mean_rgb_toward(
+            kept.variance, spread_now, max(short_blend * 0.5, young), MULTISCALE_MEAN_LEAST,
+        ),
         inconsistency,
         length,
         age,
@@ -374,7 +379,9 @@ fn multiscale_mean_robust_step(
     let spread = sqrt(short_blend / (2.0 - short_blend));
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_luma(apart / divisor) / spread;
-    let inconsistency = multiscale_mean_toward(kept.inconsistency, relative, short_blend);
+    let inconsistency = multiscale_mean_toward(
+        kept.inconsistency, relative, short_blend, MULTISCALE_MEAN_LEAST,
+    );
     let level = max(abs(kept.short_mean), f32(MULTISCALE_MEAN_TINY));
     let reduction = clamp(multiscale_mean_luma(level * 0.5 / divisor), 0.03125, 1.0);
     let catch_up = multiscale_mean_robust_blend(relative, inconsistency, reduction);
@@ -395,10 +402,12 @@ fn multiscale_mean_robust_step(
     let delta = clipped - kept.short_mean;
     let spread_now = delta * delta * (1.0 - short);
     return MultiscaleMeanRobustState(
-        multiscale_mean_toward(kept.mean, clipped, blend),
-        multiscale_mean_toward(kept.short_mean, clipped, short),
-        multiscale_mean_toward(kept.excess, sample - clipped, young),
-        multiscale_mean_toward(kept.variance, spread_now, max(short_blend * 0.5, young)),
+        multiscale_mean_toward(kept.mean, clipped, blend, MULTISCALE_MEAN_TINY),
+        multiscale_mean_toward(kept.short_mean, clipped, short, MULTISCALE_MEAN_TINY),
+        multiscale_mean_toward(kept.excess, sample - clipped, young, MULTISCALE_MEAN_TINY),
+        multiscale_mean_toward(
+            kept.variance, spread_now, max(short_blend * 0.5, young), MULTISCALE_MEAN_LEAST,
+        ),
         inconsistency,
         length,
         age,
@@ -411,15 +420,31 @@ fn multiscale_mean_robust_value(state: MultiscaleMeanRobustState) -> f32 {
 }
 // SCALAR: end
 
-// A state in 16 bytes of 28: the mean as it is, all else as upper halves, the
-// short average by its distance from the mean. Frames are counted to 256.
+// The upper 24 bits of a number's bits, rounded to nearest, ties to even, with a
+// count of at most 255 below them.
+fn multiscale_mean_with_count(x: f32, count: f32) -> u32 {
+    let bits = bitcast<u32>(x);
+    return ((bits + 0x7fu + ((bits >> 8u) & 1u)) & 0xffffff00u) | u32(min(count, 255.0));
+}
+
+fn multiscale_mean_without_count(word: u32) -> f32 {
+    return bitcast<f32>(word & 0xffffff00u);
+}
+
+fn multiscale_mean_count(word: u32) -> f32 {
+    return f32(word & 0xffu);
+}
+
+// A state in 16 bytes of 28: the mean as it is, what was cut off in 24 bits with
+// the age in the 8 below, all else as upper halves, the short average by its
+// distance from the mean. Frames are counted to 255.
 fn multiscale_mean_robust_pack(state: MultiscaleMeanRobustState) -> vec4u {
     let s = multiscale_mean_robust_guard(state);
     return vec4u(
         bitcast<u32>(s.mean),
-        multiscale_mean_pair(s.short_mean - s.mean, s.excess),
-        multiscale_mean_pair(s.variance, s.inconsistency),
-        multiscale_mean_pair(s.length, s.age),
+        multiscale_mean_with_count(s.excess, s.age),
+        multiscale_mean_pair(s.short_mean - s.mean, s.variance),
+        multiscale_mean_pair(s.inconsistency, s.length),
     );
 }
 
@@ -428,55 +453,56 @@ fn multiscale_mean_robust_unpack(words: vec4u) -> MultiscaleMeanRobustState {
     let mean = bitcast<f32>(words.x);
     return MultiscaleMeanRobustState(
         mean,
-        mean + multiscale_mean_low(words.y),
-        multiscale_mean_high(words.y),
-        multiscale_mean_low(words.z),
+        mean + multiscale_mean_low(words.z),
+        multiscale_mean_without_count(words.y),
         multiscale_mean_high(words.z),
         multiscale_mean_low(words.w),
         multiscale_mean_high(words.w),
+        multiscale_mean_count(words.y),
     );
 }
 
-// As multiscale_mean_robust_pack, for a colour: 36 bytes of 60.
-fn multiscale_mean_robust_rgb_pack(state: MultiscaleMeanRobustRgbState) -> array<u32, 9> {
+// As multiscale_mean_robust_pack, for a colour: 40 bytes of 60.
+fn multiscale_mean_robust_rgb_pack(state: MultiscaleMeanRobustRgbState) -> array<u32, 10> {
     let s = multiscale_mean_robust_rgb_guard(state);
     let away = s.short_mean - s.mean;
-    return array<u32, 9>(
+    return array<u32, 10>(
         bitcast<u32>(s.mean.x),
         bitcast<u32>(s.mean.y),
         bitcast<u32>(s.mean.z),
-        multiscale_mean_pair(away.x, s.excess.x),
-        multiscale_mean_pair(away.y, s.excess.y),
-        multiscale_mean_pair(away.z, s.excess.z),
-        multiscale_mean_pair(s.variance.x, s.variance.y),
-        multiscale_mean_pair(s.variance.z, s.inconsistency),
-        multiscale_mean_pair(s.length, s.age),
+        multiscale_mean_with_count(s.excess.x, s.age),
+        multiscale_mean_with_count(s.excess.y, 0.0),
+        multiscale_mean_with_count(s.excess.z, 0.0),
+        multiscale_mean_pair(away.x, s.variance.x),
+        multiscale_mean_pair(away.y, s.variance.y),
+        multiscale_mean_pair(away.z, s.variance.z),
+        multiscale_mean_pair(s.inconsistency, s.length),
     );
 }
 
 // As multiscale_mean_robust_unpack, for a colour.
-fn multiscale_mean_robust_rgb_unpack(words: array<u32, 9>) -> MultiscaleMeanRobustRgbState {
+fn multiscale_mean_robust_rgb_unpack(words: array<u32, 10>) -> MultiscaleMeanRobustRgbState {
     let mean = vec3f(bitcast<f32>(words[0]), bitcast<f32>(words[1]), bitcast<f32>(words[2]));
     let away = vec3f(
-        multiscale_mean_low(words[3]),
-        multiscale_mean_low(words[4]),
-        multiscale_mean_low(words[5]),
+        multiscale_mean_low(words[6]),
+        multiscale_mean_low(words[7]),
+        multiscale_mean_low(words[8]),
     );
     return MultiscaleMeanRobustRgbState(
         mean,
         mean + away,
         vec3f(
-            multiscale_mean_high(words[3]),
-            multiscale_mean_high(words[4]),
-            multiscale_mean_high(words[5]),
+            multiscale_mean_without_count(words[3]),
+            multiscale_mean_without_count(words[4]),
+            multiscale_mean_without_count(words[5]),
         ),
         vec3f(
-            multiscale_mean_low(words[6]),
             multiscale_mean_high(words[6]),
-            multiscale_mean_low(words[7]),
+            multiscale_mean_high(words[7]),
+            multiscale_mean_high(words[8]),
         ),
-        multiscale_mean_high(words[7]),
-        multiscale_mean_low(words[8]),
-        multiscale_mean_high(words[8]),
+        multiscale_mean_low(words[9]),
+        multiscale_mean_high(words[9]),
+        multiscale_mean_count(words[3]),
     );
 }
