@@ -70,6 +70,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/sample/sphere.md")]
 #[doc = include_str!("../../docs/temporal/accumulate.md")]
 #[doc = include_str!("../../docs/temporal/reproject.md")]
+#[doc = include_str!("../../docs/temporal/multiscale_mean.md")]
 #[doc = include_str!("../../docs/temporal/taa.md")]
 #[doc = include_str!("../../docs/temporal/variance_clamp.md")]
 #[doc = include_str!("../../docs/temporal/visibility_clamp.md")]
