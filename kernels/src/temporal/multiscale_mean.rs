@@ -743,7 +743,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         .scale_by(|s: WidePrintedRgb, y: DVec3, a: f64| {
             exact::printed_scale(&printed_rgb(s), y.to_array(), a, LUMA)
         })
-        .few_ulp(4.0, 30.0)
+        .few_ulp(4.0, 28.75)
         .hard(printed_hard.map(|(s, y, a)| {
             let state = MultiscaleMeanRgbState {
                 mean: Vec3::new(s.mean, 0.0, s.mean),
