@@ -30,7 +30,7 @@ const ALPHAS: [f32; 6] = [0.02, 0.05, 0.125, 0.25, 0.5, 1.0];
 const ANGLES: [f32; 5] = [0.0, 30.0, 60.0, 75.0, 85.0];
 
 /// Elements of a timed array: it stays in the cache.
-const ELEMENTS: usize = 1 << 12;
+pub(super) const ELEMENTS: usize = 1 << 12;
 
 /// Random numbers behind a variance.
 const DRAWS: u32 = 1 << 16;
@@ -90,7 +90,7 @@ fn view(degrees: f32) -> Vec3 {
 }
 
 /// Nanoseconds an element of each of several loops, in turns: medians.
-fn in_turns(runs: usize, loops: &mut [&mut dyn FnMut()]) -> Vec<f64> {
+pub(super) fn in_turns(runs: usize, loops: &mut [&mut dyn FnMut()]) -> Vec<f64> {
     let mut times = vec![Vec::new(); loops.len()];
     for _ in 0..runs.max(1) {
         for (run, times) in loops.iter_mut().zip(&mut times) {

@@ -7,6 +7,7 @@
 
 pub mod bvh;
 mod error;
+mod estimator;
 mod filters;
 pub mod kernels;
 mod machine;
@@ -127,6 +128,9 @@ const SEQUENCES: &str = "sequences";
 /// Samplers, layers and the goals.
 const MATERIALS: &str = "materials";
 
+/// Estimators over time.
+const ESTIMATOR: &str = "estimator";
+
 /// Entries of a scene that need it loaded.
 fn scene_entries(scene: &str) -> Vec<String> {
     let stages = stages::Stage::ALL.map(stages::Stage::name);
@@ -180,6 +184,7 @@ impl<'a> Run<'a> {
             names.extend(scene_entries(scene));
         }
         names.push(MATERIALS.into());
+        names.push(ESTIMATOR.into());
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
         names.push("bvh/families".into());
         let only = Only::new(options.only.as_deref(), &names)?;
@@ -285,6 +290,7 @@ impl<'a> Run<'a> {
         self.measure_kernels()?;
         self.measure_bvh()?;
         self.measure_materials()?;
+        self.measure_estimator()?;
         let pictures = self.measure_stages()?;
         let plots = plots::all(&self.report)?;
         let Self {
@@ -359,6 +365,36 @@ impl<'a> Run<'a> {
         self.report.passes = filters::gpu_passes(&self.gpus, self.stage_settings.repeats)?;
         let by_hand = materials::by_hand(&self.kernels, runs, &self.gpus)?;
         self.report.goals.extend(by_hand);
+        Ok(())
+    }
+
+    fn measure_estimator(&mut self) -> Result<(), ReportError> {
+        if !self.only.takes(ESTIMATOR) {
+            return Ok(());
+        }
+        let settings = if self.options.full {
+            estimator::EstimatorSettings::full()
+        } else {
+            estimator::EstimatorSettings::quick()
+        };
+        let with_cpu = !self.options.gpu_only;
+        self.progress.part("estimator", 3);
+        self.progress.step("responses");
+        if with_cpu {
+            self.report.estimators = estimator::responses(&settings);
+        }
+        self.progress.step("quiet against fast");
+        if with_cpu {
+            self.report.estimator_points = estimator::points(&settings);
+        }
+        self.progress.step("costs");
+        self.report.estimator_costs = estimator::costs(
+            &self.kernels,
+            &settings,
+            self.kernel_settings.runs,
+            with_cpu,
+            &self.gpus,
+        )?;
         Ok(())
     }
 

@@ -51,7 +51,10 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
         let title = &p.row.title;
         super::plots::MATERIALS.iter().any(|m| title.starts_with(m))
     };
-    let (material, lines): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_material);
+    let (material, rest): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_material);
+    let is_estimator = |p: &&Drawn| p.row.title.starts_with(super::plots::ESTIMATOR);
+    let (estimator, lines): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_estimator);
+    let with_estimators = !report.estimator_costs.is_empty();
     let with_materials =
         !material.is_empty() || !report.goals.is_empty() || !report.sequences.is_empty();
     let markup = html! {
@@ -76,6 +79,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                     @if !report.bvh.is_empty() { a href="#traversal" { "Traversal" } }
                     @if !report.families.is_empty() { a href="#hard" { "Hard rays" } }
                     @if with_materials { a href="#materials" { "Materials and filters" } }
+                    @if with_estimators { a href="#estimators" { "Estimators" } }
                     @if !pictures.is_empty() { a href="#pictures" { "Pictures" } }
                     @if !lines.is_empty() { a href="#convergence" { "Convergence" } }
                     a href="#settings" { "Settings" }
@@ -86,6 +90,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                 @if !report.bvh.is_empty() { (traversal(report)) }
                 @if !report.families.is_empty() { (hard(report)) }
                 @if with_materials { (materials(report, &material)) }
+                @if with_estimators { (estimators(report, &estimator)) }
                 @if !pictures.is_empty() { (pictures_section(report, pictures)) }
                 @if !lines.is_empty() { (convergence(report, &lines)) }
                 (settings(report))
@@ -617,6 +622,63 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
             @for (name, rows) in super::plots::sequences(report) { (sequence_table(&name, &rows)) (pieces_table(&rows)) }
             (figures("Over time"))
         }
+    }
+}
+
+fn estimators(report: &Report, plots: &[&Drawn]) -> Markup {
+    let quiet = "quiet against fast";
+    let (fast, by_frame): (Vec<&&Drawn>, Vec<&&Drawn>) =
+        plots.iter().partition(|p| p.row.title.contains(quiet));
+    let adapters: Vec<&String> = report
+        .estimator_costs
+        .first()
+        .map(|r| r.gpu_ns.keys().collect())
+        .unwrap_or_default();
+    html! {
+        h2 #estimators { "Estimators over time" }
+        p {
+            "The multiscale mean estimator as printed and in its robust form, beside plain averages. "
+            "A still signal should give a quiet answer, and a change should arrive soon; an exponential average trades the one for the other. "
+            "The best window in hindsight is the mean of the last frames, as many as would have erred least over all runs, for each frame anew: no estimator without foresight gets there."
+        }
+        @if !fast.is_empty() {
+            h3 { "Quiet against fast" }
+            p { "Left and below is better. What is below the line of the exponential averages is better than any of them." }
+            div.plots { @for plot in fast { figure { (PreEscaped(&plot.svg)) } } }
+        }
+        @if !report.estimators.is_empty() {
+            h3 { "By signal" }
+            div.plots { @for plot in by_frame { figure { (PreEscaped(&plot.svg)) } } }
+            div.scroll { table {
+                thead { tr {
+                    th { "Signal" } th.left { "Estimator" } th { "RMSE" } th { "Mean over the true one" }
+                    th { "Half-life, frames" } th { "Nine tenths, frames" }
+                } }
+                tbody { @for r in &report.estimators { tr {
+                    td { (r.signal) }
+                    td.left { (r.estimator) }
+                    td { (number(r.rmse)) }
+                    td { (number(r.bias)) }
+                    td { (optional(r.half_life)) }
+                    td { (optional(r.ninety)) }
+                } } }
+            } }
+        }
+        h3 { "Cost" }
+        div.scroll { table {
+            thead { tr {
+                th { "Estimator" } th { "Bytes" } th { "cpu, ns" }
+                @for a in &adapters { th { (short(a)) ", ns" } }
+                th { "Error by packing" }
+            } }
+            tbody { @for r in &report.estimator_costs { tr {
+                td { (r.estimator) }
+                td { (r.bytes) }
+                td { (optional(r.cpu_ns)) }
+                @for a in &adapters { td { (optional(r.gpu_ns.get(*a).copied().flatten())) } }
+                td { (optional(r.packed_error)) }
+            } } }
+        } }
     }
 }
 

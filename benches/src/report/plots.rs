@@ -45,7 +45,7 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
             out.push(drawn(file, &plot)?);
         }
     }
-    for plot in materials(report) {
+    for plot in materials(report).into_iter().chain(estimators(report)) {
         out.push(drawn(format!("plots/{}.svg", slug(&plot.title)), &plot)?);
     }
     Ok(out)
@@ -54,6 +54,9 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
 /// Plots whose title begins with this belong to the materials.
 pub(super) const MATERIALS: [&str; 5] =
     ["Samplers", "Layers", "Reconstruction", "Worth", "Over time"];
+
+/// Plots whose title begins with this belong to the estimators.
+pub(super) const ESTIMATOR: &str = "Estimators";
 
 /// An error of nothing has no logarithm: it is drawn here.
 const NOTHING_LOST: f64 = 1e-3;
@@ -126,6 +129,79 @@ fn materials(report: &Report) -> Vec<Plot> {
         if rows.iter().any(|r| r.by_frame.len() > 2) {
             out.push(by_frame(&name, &rows));
         }
+    }
+    out
+}
+
+/// Answers or errors by frame for each signal, then residual variance against
+/// half-life for each noise and step.
+fn estimators(report: &Report) -> Vec<Plot> {
+    let shown = [
+        "printed",
+        "robust",
+        "best window in hindsight",
+        "average, 1/8",
+        "average, 1/32",
+        "average, 1/256",
+    ];
+    let mut out = Vec::new();
+    for signal in distinct(&report.estimators, |r| r.signal.clone()) {
+        let mut shows_answer = false;
+        let lines = shown.iter().enumerate().filter_map(|(k, name)| {
+            let row = report
+                .estimators
+                .iter()
+                .find(|r| r.signal == signal && r.estimator == *name)?;
+            shows_answer = row.shows_answer;
+            let values = if row.shows_answer {
+                &row.answer_by_frame
+            } else {
+                &row.rmse_by_frame
+            };
+            let points = row.frames.iter().map(|f| f64::from(*f));
+            let points = points.zip(values.iter().copied()).collect();
+            Some(series((*name).into(), k, points))
+        });
+        let lines = lines.collect();
+        out.push(Plot {
+            title: format!("{ESTIMATOR}: {signal}"),
+            x_label: "frames since the signal moved".into(),
+            y_label: if shows_answer { "answer" } else { "RMSE" }.into(),
+            x_ticks: Ticks::Fours,
+            series: lines,
+            guide: None,
+        });
+    }
+    let plots = distinct(&report.estimator_points, |r| {
+        (r.noise.clone(), r.from, r.to)
+    });
+    for (noise, from, to) in plots {
+        let rows: Vec<_> = report
+            .estimator_points
+            .iter()
+            .filter(|r| r.noise == noise && r.from == from && r.to == to)
+            .filter_map(|r| Some((r, r.half_life?)))
+            .collect();
+        let names = distinct(&rows, |r| r.0.estimator.clone());
+        let lines = names.into_iter().enumerate().map(|(k, name)| {
+            let chosen: Vec<_> = rows.iter().filter(|r| r.0.estimator == name).collect();
+            Series {
+                labels: chosen.iter().map(|r| r.0.setting.clone()).collect(),
+                ..series(
+                    name,
+                    k,
+                    chosen.iter().map(|r| (r.1, r.0.residual)).collect(),
+                )
+            }
+        });
+        out.push(Plot {
+            title: format!("{ESTIMATOR}, quiet against fast: {noise}, step {from} to {to}"),
+            x_label: "half-life of a step, frames".into(),
+            y_label: "residual variance over the samples'".into(),
+            x_ticks: Ticks::Decimal,
+            series: lines.collect(),
+            guide: None,
+        });
     }
     out
 }

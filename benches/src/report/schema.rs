@@ -66,6 +66,15 @@ pub struct Report {
     /// One row an adapter, signal, size and pass of a filter.
     #[serde(default)]
     pub passes: Vec<PassRow>,
+    /// Estimators over time: one row a signal and estimator.
+    #[serde(default)]
+    pub estimators: Vec<EstimatorRow>,
+    /// The same: how quiet against how fast.
+    #[serde(default)]
+    pub estimator_points: Vec<EstimatorPointRow>,
+    /// The same: nanoseconds and bytes.
+    #[serde(default)]
+    pub estimator_costs: Vec<EstimatorCostRow>,
     /// Pictures beside the page.
     pub pictures: Vec<PictureRow>,
     /// Plots beside the page.
@@ -466,6 +475,68 @@ pub struct PassRow {
     pub gb_s: f64,
     /// What a copy of a buffer reaches in the same run, reads and writes.
     pub copy_gb_s: f64,
+/// One estimator's answers to one signal, after the frame in which it moves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorRow {
+    /// Signal.
+    pub signal: String,
+    /// Estimator.
+    pub estimator: String,
+    /// Root-mean-square error over 512 frames and all runs.
+    pub rmse: f64,
+    /// Mean of the answers over that of the signal.
+    pub bias: f64,
+    /// Frames until half of a step has arrived.
+    pub half_life: Option<f64>,
+    /// Frames until nine tenths have.
+    pub ninety: Option<f64>,
+    /// Whether the plot shows the answer; else its error.
+    pub shows_answer: bool,
+    /// Frames of the lists below, counted from 1.
+    pub frames: Vec<u32>,
+    /// Mean answer.
+    pub answer_by_frame: Vec<f64>,
+    /// Root-mean-square error.
+    pub rmse_by_frame: Vec<f64>,
+}
+
+/// One estimator with one setting: how quiet and how fast.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorPointRow {
+    /// Estimator, and what its setting is.
+    pub estimator: String,
+    /// The setting.
+    pub setting: String,
+    /// Noise of the samples.
+    pub noise: String,
+    /// Level before the step.
+    pub from: f32,
+    /// Level after it.
+    pub to: f32,
+    /// Frames until half of the step has arrived; `null` beyond 2048.
+    pub half_life: Option<f64>,
+    /// Variance of the answers to a still signal over that of the samples.
+    pub residual: f64,
+    /// Mean of those answers; 1 is right.
+    pub mean: f64,
+    /// The residual over that of an exponential average of this half-life.
+    pub to_frontier: Option<f64>,
+}
+
+/// What an estimator costs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorCostRow {
+    /// Estimator.
+    pub estimator: String,
+    /// Bytes of a state.
+    pub bytes: usize,
+    /// Nanoseconds of a frame, on the CPU.
+    pub cpu_ns: Option<f64>,
+    /// The same by adapter.
+    pub gpu_ns: BTreeMap<String, Option<f64>>,
+    /// Difference of the packed state's answers from the whole one's, root
+    /// mean square, over the signal.
+    pub packed_error: Option<f64>,
 }
 
 /// Millions of rays a second.

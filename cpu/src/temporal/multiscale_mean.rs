@@ -18,6 +18,9 @@
 //!   sample itself: otherwise bright samples would weigh more than dark ones.
 //! - The least weight is one over the frames since the signal last moved, not
 //!   a constant: after a change, frames count as equals again.
+//! - Both averages are noisy, and the distance between them is measured by the
+//!   noise of both. By the short one's alone, a mean that takes large steps is
+//!   noisy, looks inconsistent, and takes large steps forever.
 //! - The first sample is the answer to the first frame. A sample or a state
 //!   that is no number counts as none.
 //!
@@ -55,8 +58,6 @@ pub const MULTISCALE_MEAN_TINY: f32 = 7.8886091e-31;
 const FLOOR: f32 = 0.00390625;
 /// Standard errors that the averages may be apart and count as still.
 const CALM: f32 = 2.25;
-/// How fast the weight grows beyond that.
-const EAGER: f32 = 0.34375;
 /// The smallest normal number: a smaller variance is 0.
 const LEAST: f32 = f32::MIN_POSITIVE;
 
@@ -320,11 +321,11 @@ pub fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 }
 
 /// The robust form's weight of a sample while the signal moves, in `[0, 1]`:
-/// `reduction · smoothstep(0, 1, 11/32·d·max(0, i - 9/4))`.
+/// `reduction · smoothstep(0, 1, d·max(0, i - 9/4))`.
 ///
-/// `relative` is how far apart the averages are, in standard errors of the short
-/// one; `inconsistency` the same, smoothed; `reduction` in `[1/32, 1]`. In a
-/// still signal `i` stays about 0.8, so the result is 0.
+/// `relative` is how far apart the averages are, in standard errors of that
+/// distance; `inconsistency` the same, smoothed; `reduction` in `[1/32, 1]`. In
+/// a still signal `i` stays about 0.8, so the result is 0.
 ///
 /// Error analysis: as [`multiscale_mean_blend`]; where `i - 9/4` cancels it is
 /// exact.
@@ -332,7 +333,7 @@ pub fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 #[must_use]
 pub fn multiscale_mean_robust_blend(relative: f32, inconsistency: f32, reduction: f32) -> f32 {
     let lead = (inconsistency - CALM).max(0.0);
-    smooth(EAGER * relative * lead) * reduction
+    smooth(relative * lead) * reduction
 }
 
 #[inline(always)]
@@ -466,7 +467,10 @@ fn robust_step<V: Signal>(
         .upper(kept.short_mean.by_channel(f32::abs));
     let deviation = kept.variance.by_channel(f32::sqrt).upper(size * FLOOR);
     let divisor = deviation.upper(V::splat(MULTISCALE_MEAN_TINY));
-    let spread = (short_blend / (2.0 - short_blend)).sqrt();
+    // The variance of either average, over that of the samples.
+    let of_short = short_blend / (2.0 - short_blend);
+    let of_mean = 1.0 / (2.0 * kept.length.max(1.0) - 1.0);
+    let spread = (of_short + of_mean).sqrt();
     let apart = (kept.mean - kept.short_mean).by_channel(f32::abs);
     let relative = (apart / divisor).luma() / spread;
     let inconsistency = toward(kept.inconsistency, relative, short_blend, LEAST);
@@ -791,10 +795,10 @@ mod tests {
             .sqrt()
             .max(mean.abs().max(short.abs()) / 256.0)
             .max(2f64.powi(-100));
-        let error = deviation * (a / (2.0 - a)).sqrt();
+        let error = deviation * (a / (2.0 - a) + 1.0 / (2.0 * length - 1.0)).sqrt();
         let relative = (mean - short).abs() / error;
         let inconsistency = blend(inconsistency, relative, a);
-        let x = (relative * (inconsistency - 2.25).max(0.0) * 11.0 / 32.0).min(1.0);
+        let x = (relative * (inconsistency - 2.25).max(0.0)).min(1.0);
         let reduction = (short.abs() / (2.0 * deviation)).clamp(1.0 / 32.0, 1.0);
         let catch_up = (3.0 * x * x - 2.0 * x * x * x) * reduction;
         let (length, age) = ((length + 1.0).min(256.0), (age + 1.0).min(256.0));
@@ -1110,6 +1114,31 @@ mod tests {
         // Weights of 1/256 leave 1/511.
         assert!(quiet / noise < 1.35 / 511.0, "{}", 511.0 * quiet / noise);
         assert!(quiet < loud);
+    }
+
+    #[test]
+    fn catching_up_ends() {
+        // As if the mean had followed every sample for long, which makes it as
+        // noisy as they are.
+        for short_blend in [0.01, 0.02, 0.04, 0.08, 0.16, 0.32] {
+            for noise in [0.01, 0.1, 0.3, 0.5, 1.0] {
+                let mut next = numbers(71);
+                let mut state = MULTISCALE_MEAN_ROBUST_EMPTY;
+                let mut sample = || 1.0 + noise * (2.0 * next() - 1.0);
+                for _ in 0..2000 {
+                    state = multiscale_mean_robust_step(state, sample(), short_blend, LONGEST);
+                }
+                (state.mean, state.inconsistency, state.length) = (sample(), 20.0, 1.0);
+                let frames = (0..2000).find(|_| {
+                    state = multiscale_mean_robust_step(state, sample(), short_blend, LONGEST);
+                    state.length > 64.0
+                });
+                assert!(
+                    frames.is_some_and(|f| f < 600),
+                    "short blend {short_blend}, noise {noise}: {frames:?}"
+                );
+            }
+        }
     }
 
     #[test]

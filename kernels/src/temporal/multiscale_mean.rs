@@ -73,7 +73,7 @@ mod exact {
     }
 
     pub fn robust_blend(relative: f64, inconsistency: f64, reduction: f64) -> f64 {
-        reduction * smooth(relative * (inconsistency - 2.25).max(0.0) * 11.0 / 32.0)
+        reduction * smooth(relative * (inconsistency - 2.25).max(0.0))
     }
 
     #[derive(Clone, Copy)]
@@ -221,7 +221,7 @@ mod exact {
         a: f64,
         weights: [f64; N],
     ) -> Parts<N> {
-        let spread = (a / (2.0 - a)).sqrt();
+        let spread = (a / (2.0 - a) + 1.0 / (2.0 * s.length.max(1.0) - 1.0)).sqrt();
         let (mut relative, mut reduction, mut error) = (0.0, 0.0, 0.0);
         let mut clipped = sample;
         for k in 0..N {
@@ -306,12 +306,12 @@ mod exact {
         let p = parts(&s, sample, a, weights);
         let length = (s.length + 1.0).min(longest.max(1.0));
         let lead = (p.inconsistency - 2.25).max(0.0);
-        let x = p.relative * lead * 11.0 / 32.0;
+        let x = p.relative * lead;
         let error = p.error.max(p.inconsistency);
         let slope = if x > 1.01 {
             0.0
         } else {
-            0.52 * (lead + a * p.relative) * p.reduction
+            1.5 * (lead + a * p.relative) * p.reduction
         };
         let weight = p.catch_up.max(1.0 / length);
         let (mut size, mut move_by): (f64, f64) = (1.0, 0.0);
@@ -695,7 +695,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (1000.0, 8.0, 1.0),
             (1.0, 2.25, 1.0),
             (1.0, 2.2500002, 1.0),
-            (3.0, 3.219697, 1.0),
+            (2.0, 2.75, 1.0),
             (1e5, 1e5, 0.03125),
         ])
         .source(OURS)

@@ -26,8 +26,6 @@ const MULTISCALE_MEAN_TINY: f32 = 7.8886091e-31;
 const MULTISCALE_MEAN_FLOOR: f32 = 0.00390625;
 // Standard errors that the averages may be apart and count as still.
 const MULTISCALE_MEAN_CALM: f32 = 2.25;
-// How fast the weight grows beyond that.
-const MULTISCALE_MEAN_EAGER: f32 = 0.34375;
 // The smallest normal number: a smaller variance is 0.
 const MULTISCALE_MEAN_LEAST: f32 = 1.1754944e-38;
 
@@ -110,11 +108,11 @@ fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 }
 
 // The robust form's weight of a sample while the signal moves, in [0, 1].
-// relative is how far apart the averages are, in standard errors of the short
-// one; inconsistency the same, smoothed; reduction in [1/32, 1].
+// relative is how far apart the averages are, in standard errors of that
+// distance; inconsistency the same, smoothed; reduction in [1/32, 1].
 fn multiscale_mean_robust_blend(relative: f32, inconsistency: f32, reduction: f32) -> f32 {
     let lead = max(inconsistency - MULTISCALE_MEAN_CALM, 0.0);
-    return multiscale_mean_smooth(MULTISCALE_MEAN_EAGER * relative * lead) * reduction;
+    return multiscale_mean_smooth(relative * lead) * reduction;
 }
 
 // Whether value is a number of at most this magnitude, by its bits.
@@ -252,7 +250,10 @@ fn multiscale_mean_robust_rgb_step(
     let size = max(abs(kept.mean), abs(kept.short_mean));
     let deviation = max(sqrt(kept.variance), size * MULTISCALE_MEAN_FLOOR);
     let divisor = max(deviation, vec3f(MULTISCALE_MEAN_TINY));
-    let spread = sqrt(short_blend / (2.0 - short_blend));
+    // The variance of either average, over that of the samples.
+    let of_short = short_blend / (2.0 - short_blend);
+    let of_mean = 1.0 / (2.0 * max(kept.length, 1.0) - 1.0);
+    let spread = sqrt(of_short + of_mean);
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_rgb_luma(apart / divisor) / spread;
     let inconsistency = multiscale_mean_toward(
@@ -376,7 +377,10 @@ fn multiscale_mean_robust_step(
     let size = max(abs(kept.mean), abs(kept.short_mean));
     let deviation = max(sqrt(kept.variance), size * MULTISCALE_MEAN_FLOOR);
     let divisor = max(deviation, f32(MULTISCALE_MEAN_TINY));
-    let spread = sqrt(short_blend / (2.0 - short_blend));
+    // The variance of either average, over that of the samples.
+    let of_short = short_blend / (2.0 - short_blend);
+    let of_mean = 1.0 / (2.0 * max(kept.length, 1.0) - 1.0);
+    let spread = sqrt(of_short + of_mean);
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_luma(apart / divisor) / spread;
     let inconsistency = multiscale_mean_toward(
