@@ -57,7 +57,9 @@ pub const MULTISCALE_MEAN_TINY: f32 = 7.8886091e-31;
 /// Part of the signal that counts as a deviation where the variance is 0.
 const FLOOR: f32 = 0.00390625;
 /// Standard errors that the averages may be apart and count as still.
-const CALM: f32 = 2.25;
+const CALM: f32 = 2.125;
+/// How fast the weight grows beyond that.
+const EAGER: f32 = 0.34375;
 /// The smallest normal number: a smaller variance is 0.
 const LEAST: f32 = f32::MIN_POSITIVE;
 
@@ -321,19 +323,19 @@ pub fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 }
 
 /// The robust form's weight of a sample while the signal moves, in `[0, 1]`:
-/// `reduction · smoothstep(0, 1, d·max(0, i - 9/4))`.
+/// `reduction · smoothstep(0, 1, 11/32·d·max(0, i - 17/8))`.
 ///
 /// `relative` is how far apart the averages are, in standard errors of that
 /// distance; `inconsistency` the same, smoothed; `reduction` in `[1/32, 1]`. In
 /// a still signal `i` stays about 0.8, so the result is 0.
 ///
-/// Error analysis: as [`multiscale_mean_blend`]; where `i - 9/4` cancels it is
+/// Error analysis: as [`multiscale_mean_blend`]; where `i - 17/8` cancels it is
 /// exact.
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_blend(relative: f32, inconsistency: f32, reduction: f32) -> f32 {
     let lead = (inconsistency - CALM).max(0.0);
-    smooth(relative * lead) * reduction
+    smooth(EAGER * relative * lead) * reduction
 }
 
 #[inline(always)]
@@ -467,9 +469,10 @@ fn robust_step<V: Signal>(
         .upper(kept.short_mean.by_channel(f32::abs));
     let deviation = kept.variance.by_channel(f32::sqrt).upper(size * FLOOR);
     let divisor = deviation.upper(V::splat(MULTISCALE_MEAN_TINY));
-    // The variance of either average, over that of the samples.
+    // The variances of both averages over that of the samples; half of the
+    // mean's, for the newest samples are in both.
     let of_short = short_blend / (2.0 - short_blend);
-    let of_mean = 1.0 / (2.0 * kept.length.max(1.0) - 1.0);
+    let of_mean = 0.5 / (2.0 * kept.length.max(1.0) - 1.0);
     let spread = (of_short + of_mean).sqrt();
     let apart = (kept.mean - kept.short_mean).by_channel(f32::abs);
     let relative = (apart / divisor).luma() / spread;
@@ -795,10 +798,10 @@ mod tests {
             .sqrt()
             .max(mean.abs().max(short.abs()) / 256.0)
             .max(2f64.powi(-100));
-        let error = deviation * (a / (2.0 - a) + 1.0 / (2.0 * length - 1.0)).sqrt();
+        let error = deviation * (a / (2.0 - a) + 0.5 / (2.0 * length - 1.0)).sqrt();
         let relative = (mean - short).abs() / error;
         let inconsistency = blend(inconsistency, relative, a);
-        let x = (relative * (inconsistency - 2.25).max(0.0)).min(1.0);
+        let x = (relative * (inconsistency - 2.125).max(0.0) * 11.0 / 32.0).min(1.0);
         let reduction = (short.abs() / (2.0 * deviation)).clamp(1.0 / 32.0, 1.0);
         let catch_up = (3.0 * x * x - 2.0 * x * x * x) * reduction;
         let (length, age) = ((length + 1.0).min(256.0), (age + 1.0).min(256.0));
@@ -1089,7 +1092,7 @@ mod tests {
                 );
                 // An average over 256 frames takes 589.
                 assert!(
-                    a <= 60 && a < b,
+                    a <= 80 && a < b,
                     "{from} to {to}, noise {noise}: {a} frames, printed {b}"
                 );
             }
@@ -1215,7 +1218,9 @@ mod tests {
         }
         let ratios = [sums[1] / sums[0], sums[2] / sums[0]];
         let error = (square / 1e5).sqrt();
-        assert!(worst < 0.4 && error < 0.01, "{worst} {error}");
+        // Where a firefly meets a mean that catches up, the two forms may
+        // take steps of different sizes, for a frame or two.
+        assert!(worst < 2.0 && error < 0.02, "{worst} {error}");
         assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.001), "{ratios:?}");
         // A state that is no number is none.
         for bad in BAD {

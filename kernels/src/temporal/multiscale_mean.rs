@@ -73,7 +73,7 @@ mod exact {
     }
 
     pub fn robust_blend(relative: f64, inconsistency: f64, reduction: f64) -> f64 {
-        reduction * smooth(relative * (inconsistency - 2.25).max(0.0))
+        reduction * smooth(relative * (inconsistency - 2.125).max(0.0) * 11.0 / 32.0)
     }
 
     #[derive(Clone, Copy)]
@@ -221,7 +221,7 @@ mod exact {
         a: f64,
         weights: [f64; N],
     ) -> Parts<N> {
-        let spread = (a / (2.0 - a) + 1.0 / (2.0 * s.length.max(1.0) - 1.0)).sqrt();
+        let spread = (a / (2.0 - a) + 0.5 / (2.0 * s.length.max(1.0) - 1.0)).sqrt();
         let (mut relative, mut reduction, mut error) = (0.0, 0.0, 0.0);
         let mut clipped = sample;
         for k in 0..N {
@@ -305,13 +305,13 @@ mod exact {
         }
         let p = parts(&s, sample, a, weights);
         let length = (s.length + 1.0).min(longest.max(1.0));
-        let lead = (p.inconsistency - 2.25).max(0.0);
-        let x = p.relative * lead;
+        let lead = (p.inconsistency - 2.125).max(0.0);
+        let x = p.relative * lead * 11.0 / 32.0;
         let error = p.error.max(p.inconsistency);
         let slope = if x > 1.01 {
             0.0
         } else {
-            1.5 * (lead + a * p.relative) * p.reduction
+            0.52 * (lead + a * p.relative) * p.reduction
         };
         let weight = p.catch_up.max(1.0 / length);
         let (mut size, mut move_by): (f64, f64) = (1.0, 0.0);
@@ -554,7 +554,7 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         (state_of(2e15, 1.0, 1.0, 0.0, 256.0), 0.5),
         (state_of(1.0, 1.0, -1.0, -1.0, 256.0), 0.5),
         (state_of(1.0, 1.0, 1.0, 0.0, 0.5), 0.5),
-        (state_of(1.0, 2.0, 1.0, 2.25, 1.0), 0.5),
+        (state_of(1.0, 2.0, 1.0, 2.125, 1.0), 0.5),
         (state_of(1.0, 1.0, 1.0, 0.0, 16777216.0), 0.5),
     ];
     let broken: Vec<MultiscaleMeanRobustState> = BAD
@@ -693,9 +693,9 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             (0.0, 0.0, 1.0),
             (0.0, 8.0, 1.0),
             (1000.0, 8.0, 1.0),
-            (1.0, 2.25, 1.0),
-            (1.0, 2.2500002, 1.0),
-            (2.0, 2.75, 1.0),
+            (1.0, 2.125, 1.0),
+            (1.0, 2.1250002, 1.0),
+            (4.0, 2.8522727, 1.0),
             (1e5, 1e5, 0.03125),
         ])
         .source(OURS)

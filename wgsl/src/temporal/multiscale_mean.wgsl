@@ -25,7 +25,9 @@ const MULTISCALE_MEAN_TINY: f32 = 7.8886091e-31;
 // Part of the signal that counts as a deviation where the variance is 0.
 const MULTISCALE_MEAN_FLOOR: f32 = 0.00390625;
 // Standard errors that the averages may be apart and count as still.
-const MULTISCALE_MEAN_CALM: f32 = 2.25;
+const MULTISCALE_MEAN_CALM: f32 = 2.125;
+// How fast the weight grows beyond that.
+const MULTISCALE_MEAN_EAGER: f32 = 0.34375;
 // The smallest normal number: a smaller variance is 0.
 const MULTISCALE_MEAN_LEAST: f32 = 1.1754944e-38;
 
@@ -112,7 +114,7 @@ fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 // distance; inconsistency the same, smoothed; reduction in [1/32, 1].
 fn multiscale_mean_robust_blend(relative: f32, inconsistency: f32, reduction: f32) -> f32 {
     let lead = max(inconsistency - MULTISCALE_MEAN_CALM, 0.0);
-    return multiscale_mean_smooth(relative * lead) * reduction;
+    return multiscale_mean_smooth(MULTISCALE_MEAN_EAGER * relative * lead) * reduction;
 }
 
 // Whether value is a number of at most this magnitude, by its bits.
@@ -250,9 +252,10 @@ fn multiscale_mean_robust_rgb_step(
     let size = max(abs(kept.mean), abs(kept.short_mean));
     let deviation = max(sqrt(kept.variance), size * MULTISCALE_MEAN_FLOOR);
     let divisor = max(deviation, vec3f(MULTISCALE_MEAN_TINY));
-    // The variance of either average, over that of the samples.
+    // The variances of both averages over that of the samples; half of the
+    // mean's, for the newest samples are in both.
     let of_short = short_blend / (2.0 - short_blend);
-    let of_mean = 1.0 / (2.0 * max(kept.length, 1.0) - 1.0);
+    let of_mean = 0.5 / (2.0 * max(kept.length, 1.0) - 1.0);
     let spread = sqrt(of_short + of_mean);
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_rgb_luma(apart / divisor) / spread;
@@ -377,9 +380,10 @@ fn multiscale_mean_robust_step(
     let size = max(abs(kept.mean), abs(kept.short_mean));
     let deviation = max(sqrt(kept.variance), size * MULTISCALE_MEAN_FLOOR);
     let divisor = max(deviation, f32(MULTISCALE_MEAN_TINY));
-    // The variance of either average, over that of the samples.
+    // The variances of both averages over that of the samples; half of the
+    // mean's, for the newest samples are in both.
     let of_short = short_blend / (2.0 - short_blend);
-    let of_mean = 1.0 / (2.0 * max(kept.length, 1.0) - 1.0);
+    let of_mean = 0.5 / (2.0 * max(kept.length, 1.0) - 1.0);
     let spread = sqrt(of_short + of_mean);
     let apart = abs(kept.mean - kept.short_mean);
     let relative = multiscale_mean_luma(apart / divisor) / spread;
