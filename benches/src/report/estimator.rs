@@ -404,25 +404,21 @@ fn settings_shown() -> Vec<(&'static str, String, Kind)> {
             Kind::Printed { short_blend },
         ));
     }
-    for short_blend in [0.02, 0.04, 0.08, 0.16, 0.32] {
-        out.push((
-            "robust, by short blend",
-            short_blend.to_string(),
-            Kind::Robust {
+    let memories = [
+        (
+            "robust, memory 256, by short blend",
+            MULTISCALE_MEAN_LONGEST,
+        ),
+        ("robust, memory 1024, by short blend", 1024.0),
+    ];
+    for (line, longest) in memories {
+        for short_blend in [0.02, 0.04, 0.08, 0.16, 0.32] {
+            let kind = Kind::Robust {
                 short_blend,
-                longest: MULTISCALE_MEAN_LONGEST,
-            },
-        ));
-    }
-    for longest in [64.0f32, 128.0, 256.0, 512.0, 1024.0] {
-        out.push((
-            "robust, by memory",
-            longest.to_string(),
-            Kind::Robust {
-                short_blend: MULTISCALE_MEAN_SHORT_BLEND,
                 longest,
-            },
-        ));
+            };
+            out.push((line, short_blend.to_string(), kind));
+        }
     }
     for weight in [4, 8, 16, 32, 64, 128, 256, 512] {
         out.push((
@@ -574,7 +570,7 @@ pub(super) fn costs(
     let mut robust = vec![MULTISCALE_MEAN_ROBUST_EMPTY; ELEMENTS];
     let mut robust_rgb = vec![MULTISCALE_MEAN_ROBUST_RGB_EMPTY; ELEMENTS];
     let mut packed = vec![UVec4::ZERO; ELEMENTS];
-    let mut packed_rgb = vec![[0u32; 10]; ELEMENTS];
+    let mut packed_rgb = vec![MultiscaleMeanRobustRgbPacked::default(); ELEMENTS];
     let mut mean = vec![0.0f32; ELEMENTS];
     let ns = if with_cpu {
         in_turns(

@@ -84,6 +84,24 @@ struct MultiscaleMeanRobustRgbState {
     age: f32,
 }
 
+// A colour's state in 40 bytes; zeros are none.
+struct MultiscaleMeanRobustRgbPacked {
+    // Bits of the mean.
+    mean_x: u32,
+    mean_y: u32,
+    mean_z: u32,
+    // What was cut off; in x the age too.
+    excess_x: u32,
+    excess_y: u32,
+    excess_z: u32,
+    // From the mean to the short one, and the variance.
+    spread_x: u32,
+    spread_y: u32,
+    spread_z: u32,
+    // Inconsistency and length.
+    counts: u32,
+}
+
 const MULTISCALE_MEAN_EMPTY: MultiscaleMeanState =
     MultiscaleMeanState(0.0, 0.0, 0.0, 0.0, 0.0);
 const MULTISCALE_MEAN_RGB_EMPTY: MultiscaleMeanRgbState =
@@ -471,10 +489,12 @@ fn multiscale_mean_robust_unpack(words: vec4u) -> MultiscaleMeanRobustState {
 }
 
 // As multiscale_mean_robust_pack, for a colour: 40 bytes of 60.
-fn multiscale_mean_robust_rgb_pack(state: MultiscaleMeanRobustRgbState) -> array<u32, 10> {
+fn multiscale_mean_robust_rgb_pack(
+    state: MultiscaleMeanRobustRgbState,
+) -> MultiscaleMeanRobustRgbPacked {
     let s = multiscale_mean_robust_rgb_guard(state);
     let away = s.short_mean - s.mean;
-    return array<u32, 10>(
+    return MultiscaleMeanRobustRgbPacked(
         bitcast<u32>(s.mean.x),
         bitcast<u32>(s.mean.y),
         bitcast<u32>(s.mean.z),
@@ -489,28 +509,32 @@ fn multiscale_mean_robust_rgb_pack(state: MultiscaleMeanRobustRgbState) -> array
 }
 
 // As multiscale_mean_robust_unpack, for a colour.
-fn multiscale_mean_robust_rgb_unpack(words: array<u32, 10>) -> MultiscaleMeanRobustRgbState {
-    let mean = vec3f(bitcast<f32>(words[0]), bitcast<f32>(words[1]), bitcast<f32>(words[2]));
+fn multiscale_mean_robust_rgb_unpack(
+    words: MultiscaleMeanRobustRgbPacked,
+) -> MultiscaleMeanRobustRgbState {
+    let mean = vec3f(
+        bitcast<f32>(words.mean_x), bitcast<f32>(words.mean_y), bitcast<f32>(words.mean_z),
+    );
     let away = vec3f(
-        multiscale_mean_low(words[6]),
-        multiscale_mean_low(words[7]),
-        multiscale_mean_low(words[8]),
+        multiscale_mean_low(words.spread_x),
+        multiscale_mean_low(words.spread_y),
+        multiscale_mean_low(words.spread_z),
     );
     return MultiscaleMeanRobustRgbState(
         mean,
         mean + away,
         vec3f(
-            multiscale_mean_without_count(words[3]),
-            multiscale_mean_without_count(words[4]),
-            multiscale_mean_without_count(words[5]),
+            multiscale_mean_without_count(words.excess_x),
+            multiscale_mean_without_count(words.excess_y),
+            multiscale_mean_without_count(words.excess_z),
         ),
         vec3f(
-            multiscale_mean_high(words[6]),
-            multiscale_mean_high(words[7]),
-            multiscale_mean_high(words[8]),
+            multiscale_mean_high(words.spread_x),
+            multiscale_mean_high(words.spread_y),
+            multiscale_mean_high(words.spread_z),
         ),
-        multiscale_mean_low(words[9]),
-        multiscale_mean_high(words[9]),
-        multiscale_mean_count(words[3]),
+        multiscale_mean_low(words.counts),
+        multiscale_mean_high(words.counts),
+        multiscale_mean_count(words.excess_x),
     );
 }
