@@ -145,6 +145,9 @@ fn the_documentation_names_every_field() {
     report.slopes.push(Default::default());
     report.references.push(Default::default());
     report.passes.push(Default::default());
+    report.estimators.push(Default::default());
+    report.estimator_points.push(Default::default());
+    report.estimator_costs.push(Default::default());
     report.pictures.push(Default::default());
     report.plots.push(Default::default());
     fn walk(value: &Value, text: &str) {
