@@ -210,3 +210,103 @@ fn sixty_four_frames_of_4096_pixels_are_the_cpus_bit_for_bit() {
     }
     assert!(ran, "no software adapter with the precise build");
 }
+
+/// The ready pass, as users run it, over packed states. A driver may round
+/// otherwise, so answers are compared as a whole: their error is that of a
+/// packed state.
+#[test]
+fn the_ready_pass_follows_the_cpu_on_every_adapter() {
+    let source = raytwin::wgsl::link(&["temporal/multiscale_mean"]).expect("registered")
+        + raytwin::wgsl::pass::MULTISCALE_MEAN_COLOR;
+    let color = |pixel, frame| [0, 1, 2].map(|channel| sample(pixel, frame, channel, true));
+    let mut states = vec![MultiscaleMeanRobustRgbPacked::default(); PIXELS as usize];
+    let mut expected = vec![[0.0f32; 4]; PIXELS as usize];
+    for frame in 0..FRAMES {
+        for (pixel, (state, answer)) in (0..).zip(states.iter_mut().zip(&mut expected)) {
+            let next = multiscale_mean_robust_rgb_step(
+                multiscale_mean_robust_rgb_unpack(*state),
+                color(pixel, frame).into(),
+                MULTISCALE_MEAN_SHORT_BLEND,
+                MULTISCALE_MEAN_LONGEST,
+            );
+            *state = multiscale_mean_robust_rgb_pack(next);
+            *answer = multiscale_mean_robust_rgb_value(next)
+                .extend(next.age)
+                .into();
+        }
+    }
+    for gpu in adapters().expect("an adapter") {
+        let device = gpu.device();
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(source.as_str().into()),
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: Some("multiscale_mean_pass_step"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let settings = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 16,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let words = [
+            PIXELS,
+            MULTISCALE_MEAN_SHORT_BLEND.to_bits(),
+            MULTISCALE_MEAN_LONGEST.to_bits(),
+            0,
+        ];
+        let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        gpu.queue().write_buffer(&settings, 0, &bytes);
+        let stored = gpu.buffer(&vec![0; 10 * PIXELS as usize]);
+        let answers = gpu.buffer(&vec![0; 4 * PIXELS as usize]);
+        for frame in 0..FRAMES {
+            let words: Vec<u32> = (0..PIXELS)
+                .flat_map(|pixel| {
+                    let [r, g, b] = color(pixel, frame).map(f32::to_bits);
+                    [r, g, b, 0]
+                })
+                .collect();
+            let samples = gpu.buffer(&words);
+            let buffers = [&settings, &samples, &stored, &answers];
+            let entries: Vec<_> = (0..)
+                .zip(buffers)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: buffer.as_entire_binding(),
+                })
+                .collect();
+            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            });
+            let mut encoder = device.create_command_encoder(&Default::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(&pipeline);
+                pass.set_bind_group(0, &group, &[]);
+                pass.dispatch_workgroups(PIXELS / 64, 1, 1);
+            }
+            gpu.queue().submit([encoder.finish()]);
+        }
+        let got = gpu.read(&answers, 4 * PIXELS as usize);
+        let (mut apart, mut whole) = (0.0, 0.0);
+        for (got, want) in got.chunks_exact(4).zip(&expected) {
+            assert_eq!(f32::from_bits(got[3]), want[3], "ages differ");
+            for (got, want) in got.iter().zip(want).take(3) {
+                let got = f64::from(f32::from_bits(*got));
+                assert!(got.is_finite());
+                apart += (got - f64::from(*want)).powi(2);
+                whole += f64::from(*want).powi(2);
+            }
+        }
+        let error = (apart / whole).sqrt();
+        assert!(error < 0.005, "{}: {error}", gpu.label());
+    }
+}

@@ -45,6 +45,9 @@ pub mod pass {
     /// After one of these: `filter/svgf` over a list of `filter/tiles`, with the
     /// bindings of that module.
     pub const SVGF_TILES: &str = include_str!("filter/svgf.pass_tiles.wgsl");
+    /// `temporal/multiscale_mean` for colours, in the robust form.
+    pub const MULTISCALE_MEAN_COLOR: &str =
+        include_str!("temporal/multiscale_mean.pass_color.wgsl");
 }
 
 /// Why [`link`] could not put a program together.
