@@ -329,8 +329,8 @@ mod exact {
         };
         let weight = p.catch_up.max(1.0 / length);
         let (mut size, mut move_by): (f64, f64) = (1.0, 0.0);
-        for k in 0..N {
-            let value = [s.mean[k], s.short[k], sample[k], p.clipped[k]]
+        for (k, y) in sample.into_iter().enumerate() {
+            let value = [s.mean[k], s.short[k], y, p.clipped[k]]
                 .into_iter()
                 .fold(0.0, |a: f64, b| a.max(b.abs()));
             move_by = move_by.max((p.clipped[k] - s.mean[k]).abs());
