@@ -12,17 +12,17 @@ use crate::ray::triangle::{TRIANGLE_PAD, triangle_intersect_sheared};
 use glam::{Vec2, Vec3, Vec3A};
 
 /// A postponed child: the bits of where the ray enters it, then what it is.
-type Entry = u64;
+pub(super) type Entry = u64;
 
 /// A stack that nobody has to clear.
-struct Stack {
+pub(super) struct Stack {
     entries: [MaybeUninit<Entry>; STACK],
     depth: usize,
 }
 
 impl Stack {
     #[inline(always)]
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             entries: [const { MaybeUninit::uninit() }; STACK],
             depth: 0,
@@ -30,7 +30,7 @@ impl Stack {
     }
 
     #[inline(always)]
-    fn push(&mut self, entry: Entry) {
+    pub(super) fn push(&mut self, entry: Entry) {
         if let Some(slot) = self.entries.get_mut(self.depth) {
             slot.write(entry);
             self.depth += 1;
@@ -38,7 +38,7 @@ impl Stack {
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Option<Entry> {
+    pub(super) fn pop(&mut self) -> Option<Entry> {
         self.depth = self.depth.checked_sub(1)?;
         // SAFETY: `push` has written every entry below `depth`.
         match self.entries.get(self.depth) {
@@ -67,19 +67,31 @@ struct Prepared<L: Lanes> {
 }
 
 /// What the boxes need of a ray, before it is spread over lanes.
+#[derive(Clone, Copy)]
 pub(super) struct Slopes {
-    origin: Vec3A,
+    pub(super) origin: Vec3A,
     /// Reciprocals of the direction, infinite where it is zero.
-    slopes: Vec3A,
+    pub(super) slopes: Vec3A,
     /// A bit for each negative component.
-    negative: usize,
-    slack: f32,
-    t_min: f32,
+    pub(super) negative: usize,
+    pub(super) slack: f32,
+    pub(super) t_min: f32,
+}
+
+impl Slopes {
+    /// A ray that nobody asks for.
+    pub(super) const NONE: Self = Self {
+        origin: Vec3A::ZERO,
+        slopes: Vec3A::ZERO,
+        negative: 0,
+        slack: 0.0,
+        t_min: 0.0,
+    };
 }
 
 /// What the triangles need of a ray.
 pub(super) struct LeafRay {
-    shear: RayShear,
+    pub(super) shear: RayShear,
     /// The vertices' axes in the order of the shear.
     axes: [usize; 3],
     origin: [f32; 3],
@@ -92,7 +104,7 @@ pub(super) struct LeafRay {
 /// [`ray_shear`](crate::ray::ray::ray_shear) without branches: the same
 /// operations on the same numbers.
 #[inline(always)]
-fn prepare_leaf(ray: &Ray, faces: Faces) -> (LeafRay, Slopes) {
+pub(super) fn prepare_leaf(ray: &Ray, faces: Faces) -> (LeafRay, Slopes) {
     let direction = Vec3A::from(ray.direction);
     let tiny = direction.abs().cmplt(Vec3A::splat(RAY_FLUSH));
     let direction = Vec3A::select(tiny, Vec3A::ZERO, direction);
@@ -142,6 +154,9 @@ fn splat3<L: Lanes>(l: L, v: Vec3A) -> [L::F; 3] {
     [l.splat(v.x), l.splat(v.y), l.splat(v.z)]
 }
 
+/// By how much far reciprocals are larger.
+pub(super) const FAR: f32 = 1.0 + 1.0 / 262_144.0 + 1.0 / 2_097_152.0;
+
 /// The boxes' part of a ray.
 ///
 /// A box must let through what the triangles' own boxes let through, so here
@@ -165,7 +180,6 @@ fn splat3<L: Lanes>(l: L, v: Vec3A) -> [L::F; 3] {
 #[inline(always)]
 fn prepare<L: Lanes, const FUSED: bool>(l: L, ray: &Slopes) -> Prepared<L> {
     const NEAR: f32 = 1.0 - 1.0 / 2_097_152.0;
-    const FAR: f32 = 1.0 + 1.0 / 262_144.0 + 1.0 / 2_097_152.0;
     const UNIT: f32 = 1.0 / 16_777_216.0;
     let (o, slopes) = (ray.origin, ray.slopes);
     let far = slopes * FAR;
@@ -442,8 +456,9 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
 }
 
 /// Eight numbers in one cache line.
+#[derive(Clone, Copy)]
 #[repr(align(32))]
-struct Row([f32; 8]);
+pub(super) struct Row(pub(super) [f32; 8]);
 
 #[cold]
 #[inline(never)]
