@@ -286,6 +286,19 @@ impl OursWide {
             .map(|level| Self(wide.clone().with_level(level)))
             .collect()
     }
+
+    /// The same answers, asked for groups of neighbours.
+    #[must_use]
+    pub fn trace_coherent(&self, rays: &[Ray]) -> Vec<Answer> {
+        let closest = self.0.closest_coherent(rays);
+        let any = self.0.any_coherent(rays);
+        let both = closest.into_iter().zip(any);
+        both.map(|(hit, any)| Answer {
+            hit: hit_of(hit),
+            any,
+        })
+        .collect()
+    }
 }
 
 impl Engine for OursWide {

@@ -401,6 +401,10 @@ fn wide_levels_agree() {
                 assert_eq!(a, &b, "{name}, {mesh}: {ray:?}");
                 count += 1;
             }
+            for (i, (a, b)) in truth.iter().zip(wide.trace_coherent(rays)).enumerate() {
+                assert_eq!(word(a), word(&b), "{}: {:?}", wide.name(), rays[i]);
+                assert_eq!(a, &b, "{}: {:?}", wide.name(), rays[i]);
+            }
         }
     }
     println!("{count} rays with the scalar twin's bits");

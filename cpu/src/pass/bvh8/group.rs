@@ -1,8 +1,11 @@
 //! Sixteen rays that walk the tree together.
 
 use super::lanes::Lanes;
-use super::walk::{Entry, FAR, LeafRay, Row, Slopes, Stack, prepare_leaf, walk};
-use super::{Bvh8, Faces, LEAF, Node};
+use super::walk::{
+    Entry, FAR, LeafRay, Line, Row, Slopes, Stack, Wide, edges, finish, leaf_scalar, prepare_leaf,
+    sides, walk,
+};
+use super::{BLOCK, Block, Bvh8, Faces, LEAF, Node};
 use crate::ray::bvh::{BVH_MISS, BvhHit};
 use crate::ray::ray::Ray;
 
@@ -14,6 +17,9 @@ struct Rays {
     origin: [[Row; 2]; 3],
     near: [[Row; 2]; 3],
     far: [[Row; 2]; 3],
+    direction: [[Row; 2]; 3],
+    shear: [[Row; 2]; 2],
+    slack: [Row; 2],
     t_min: [Row; 2],
     /// The closest hit so far; below any `t_min` for a ray that is done.
     t_max: [Row; 2],
@@ -32,24 +38,31 @@ struct Bounds<L: Lanes> {
 
 const ZERO: [Row; 2] = [Row([0.0; 8]); 2];
 
-fn spread(slopes: &[Slopes], t_max: impl Fn(usize) -> f32) -> Rays {
+fn spread(rays_in: &[Ray], leaves: &[LeafRay], slopes: &[Slopes]) -> Rays {
     let mut rays = Rays {
         origin: [ZERO; 3],
         near: [ZERO; 3],
         far: [ZERO; 3],
+        direction: [ZERO; 3],
+        shear: [ZERO; 2],
+        slack: ZERO,
         t_min: ZERO,
         // Places without a ray are done.
         t_max: [Row([-1.0; 8]); 2],
     };
-    for (i, ray) in slopes.iter().enumerate() {
+    for (i, (ray, leaf)) in slopes.iter().zip(leaves).enumerate() {
         let (half, lane) = (i / 8 % 2, i % 8);
         for k in 0..3 {
             rays.origin[k][half].0[lane] = ray.origin[k];
             rays.near[k][half].0[lane] = ray.slopes[k];
             rays.far[k][half].0[lane] = ray.slopes[k] * FAR;
+            rays.direction[k][half].0[lane] = leaf.shear.direction[k];
         }
+        rays.shear[0][half].0[lane] = leaf.shear.shear.x;
+        rays.shear[1][half].0[lane] = leaf.shear.shear.y;
+        rays.slack[half].0[lane] = leaf.shear.slack;
         rays.t_min[half].0[lane] = ray.t_min + 0.0;
-        rays.t_max[half].0[lane] = t_max(i);
+        rays.t_max[half].0[lane] = rays_in[i].t_max;
     }
     rays
 }
@@ -151,6 +164,141 @@ fn touch<L: Lanes>(l: L, node: &Node, slot: usize, rays: &Rays, all: &Bounds<L>)
     out
 }
 
+#[inline(always)]
+fn row<L: Lanes>(l: L, of: &[[Row; 2]; 3], half: usize) -> Wide<L> {
+    Wide {
+        x: l.load(&of[0][half].0),
+        y: l.load(&of[1][half].0),
+        z: l.load(&of[2][half].0),
+    }
+}
+
+/// Tests a block's triangles one by one, each for eight rays; whether one of
+/// them has a new hit.
+#[inline(always)]
+fn triangles<L: Lanes, const ANY: bool>(
+    l: L,
+    block: &Block,
+    half: usize,
+    active: u32,
+    prepared: &[LeafRay; GROUP],
+    rays: &mut Rays,
+    hits: &mut [BvhHit],
+) -> bool {
+    let [kx, ky, kz] = prepared[0].axes;
+    let origin = [
+        l.load(&rays.origin[kx][half].0),
+        l.load(&rays.origin[ky][half].0),
+        l.load(&rays.origin[kz][half].0),
+    ];
+    let shear = [
+        l.load(&rays.shear[0][half].0),
+        l.load(&rays.shear[1][half].0),
+    ];
+    let mut active = active;
+    let mut better = false;
+    for k in 0..BLOCK {
+        if block.primitives[k] == BVH_MISS {
+            break;
+        }
+        let v = &block.vertices;
+        let corner = [
+            sheared(l, [v[0][kx][k], v[0][ky][k], v[0][kz][k]], origin, shear),
+            sheared(l, [v[1][kx][k], v[1][ky][k], v[1][kz][k]], origin, shear),
+            sheared(l, [v[2][kx][k], v[2][ky][k], v[2][kz][k]], origin, shear),
+        ];
+        let edges = edges(l, corner);
+        let (below, above) = sides(l, &edges);
+        let through = l.xor(below, above);
+        let passing = l.bits(through) & active;
+        if passing == 0 {
+            continue;
+        }
+        let line = Line {
+            origin: row(l, &rays.origin, half),
+            direction: row(l, &rays.direction, half),
+            inverse: row(l, &rays.near, half),
+            slack: l.load(&rays.slack[half].0),
+            t_min: l.load(&rays.t_min[half].0),
+            t_max: l.load(&rays.t_max[half].0),
+        };
+        let corners = [
+            splat(l, [v[0][0][k], v[0][1][k], v[0][2][k]]),
+            splat(l, [v[1][0][k], v[1][1][k], v[1][2][k]]),
+            splat(l, [v[2][0][k], v[2][1][k], v[2][2][k]]),
+        ];
+        let tested = finish(l, corners, &edges, &line);
+        let mut on_edge = l.bits(tested.on_edge) & passing;
+        let hit = l.and(through, tested.hit);
+        let mut found = l.bits(hit) & passing & !on_edge;
+        if found != 0 {
+            let (mut ts, mut us, mut vs) = (Row([0.0; 8]), Row([0.0; 8]), Row([0.0; 8]));
+            l.store(tested.t, &mut ts.0);
+            l.store(tested.u, &mut us.0);
+            l.store(tested.v, &mut vs.0);
+            if ANY {
+                active &= !found;
+            }
+            while found != 0 {
+                let lane = (found.trailing_zeros() & 7) as usize;
+                found &= found - 1;
+                let Some(best) = hits.get_mut(8 * half + lane) else {
+                    continue;
+                };
+                let (t, primitive) = (ts.0[lane], block.primitives[k]);
+                if t < best.t || (t == best.t && primitive < best.primitive) {
+                    *best = BvhHit {
+                        t,
+                        u: us.0[lane],
+                        v: vs.0[lane],
+                        primitive,
+                    };
+                    rays.t_max[half].0[lane] = if ANY { -1.0 } else { t };
+                    better = true;
+                }
+            }
+        }
+        while on_edge != 0 {
+            let lane = (on_edge.trailing_zeros() & 7) as usize;
+            on_edge &= on_edge - 1;
+            let Some(best) = hits.get_mut(8 * half + lane) else {
+                continue;
+            };
+            let was = *best;
+            leaf_scalar(block, &prepared[8 * half + lane], 1 << k, best);
+            if *best != was {
+                rays.t_max[half].0[lane] = if ANY { -1.0 } else { best.t };
+                better = true;
+                if ANY {
+                    active &= !(1 << lane);
+                }
+            }
+        }
+        if active == 0 {
+            break;
+        }
+    }
+    better
+}
+
+#[inline(always)]
+fn splat<L: Lanes>(l: L, v: [f32; 3]) -> Wide<L> {
+    Wide {
+        x: l.splat(v[0]),
+        y: l.splat(v[1]),
+        z: l.splat(v[2]),
+    }
+}
+
+/// `triangle_shear` of one vertex for eight rays.
+#[inline(always)]
+fn sheared<L: Lanes>(l: L, vertex: [f32; 3], origin: [L::F; 3], shear: [L::F; 2]) -> (L::F, L::F) {
+    let x = l.sub(l.splat(vertex[0]), origin[0]);
+    let y = l.sub(l.splat(vertex[1]), origin[1]);
+    let z = l.sub(l.splat(vertex[2]), origin[2]);
+    (l.sub(x, l.mul(shear[0], z)), l.sub(y, l.mul(shear[1], z)))
+}
+
 fn largest(t_max: &[Row; 2]) -> f32 {
     let all = t_max.iter().flat_map(|row| row.0);
     all.fold(-1.0, |a, b| if b > a { b } else { a })
@@ -166,13 +314,14 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
 ) {
     let n = rays.len().min(hits.len()).min(GROUP);
     let (rays, hits) = (&rays[..n], &mut hits[..n]);
-    let mut prepared = [const { None::<LeafRay> }; GROUP];
+    let mut prepared = [LeafRay::NONE; GROUP];
     let mut slopes = [Slopes::NONE; GROUP];
     let mut together = n > 1 && bvh.root & LEAF == 0;
     for (i, ray) in rays.iter().enumerate() {
         let (leaf, slope) = prepare_leaf(ray, Faces::Both);
         together &= leaf.shear.parallel == 0 && (i == 0 || slope.negative == slopes[0].negative);
-        prepared[i] = Some(leaf);
+        together &= i == 0 || leaf.shear.axis == prepared[0].shear.axis;
+        prepared[i] = leaf;
         slopes[i] = slope;
     }
     if !together {
@@ -190,7 +339,7 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
         };
     }
     let slopes = &slopes[..n];
-    let mut lanes = spread(slopes, |i| rays[i].t_max);
+    let mut lanes = spread(rays, &prepared[..n], slopes);
     let all = bounds(l, slopes);
     let mut farthest = largest(&lanes.t_max);
     let mut stack = Stack::new();
@@ -233,19 +382,14 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
             if let Some(node) = bvh.nodes.get(node)
                 && let Some(block) = bvh.blocks.get((node.children[slot] & !LEAF) as usize)
             {
-                let mut active = touch(l, node, slot, &lanes, &all);
+                let active = touch(l, node, slot, &lanes, &all);
                 let mut better = false;
-                while active != 0 {
-                    let i = active.trailing_zeros() as usize % GROUP;
-                    active &= active - 1;
-                    let (Some(hit), Some(ray)) = (hits.get_mut(i), &prepared[i]) else {
-                        continue;
-                    };
-                    let was = hit.primitive;
-                    l.leaf(block, ray, hit);
-                    if hit.primitive != was {
-                        better = true;
-                        lanes.t_max[i / 8].0[i % 8] = if ANY { -1.0 } else { hit.t };
+                for half in 0..2 {
+                    let active = active >> (8 * half) & 0xff;
+                    if active != 0 {
+                        better |= triangles::<L, ANY>(
+                            l, block, half, active, &prepared, &mut lanes, hits,
+                        );
                     }
                 }
                 if better {

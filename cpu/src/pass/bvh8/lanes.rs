@@ -36,6 +36,7 @@ pub(super) trait Lanes: Copy {
     fn select(self, mask: Self::M, yes: Self::F, no: Self::F) -> Self::F;
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
     fn and(self, a: Self::M, b: Self::M) -> Self::M;
+    fn xor(self, a: Self::M, b: Self::M) -> Self::M;
     /// Lane `i` as bit `i`.
     fn bits(self, mask: Self::M) -> u32;
     /// Tests a block's triangles. Out of line, so that the numbers of the box
@@ -126,6 +127,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn select(self, mask: [bool; 8], yes: [f32; 8], no: [f32; 8]) -> [f32; 8] {
         std::array::from_fn(|i| if mask[i] { yes[i] } else { no[i] })
+    }
+    #[inline(always)]
+    fn xor(self, a: [bool; 8], b: [bool; 8]) -> [bool; 8] {
+        std::array::from_fn(|i| a[i] ^ b[i])
     }
     #[inline(always)]
     fn and(self, a: [bool; 8], b: [bool; 8]) -> [bool; 8] {
@@ -295,6 +300,10 @@ pub(super) mod x86 {
             unsafe { _mm256_blendv_ps(no, yes, mask) }
         }
         #[inline(always)]
+        fn xor(self, a: __m256, b: __m256) -> __m256 {
+            unsafe { _mm256_xor_ps(a, b) }
+        }
+        #[inline(always)]
         fn and(self, a: __m256, b: __m256) -> __m256 {
             unsafe { _mm256_and_ps(a, b) }
         }
@@ -330,6 +339,10 @@ pub(super) mod x86 {
             #[inline(always)]
             fn select(self, mask: __mmask8, yes: __m256, no: __m256) -> __m256 {
                 unsafe { _mm256_mask_blend_ps(mask, no, yes) }
+            }
+            #[inline(always)]
+            fn xor(self, a: __mmask8, b: __mmask8) -> __mmask8 {
+                a ^ b
             }
             #[inline(always)]
             fn and(self, a: __mmask8, b: __mmask8) -> __mmask8 {

@@ -441,10 +441,7 @@ impl Bvh8 {
                 .for_each(|(hits, rays)| self.group::<ANY>(rays, hits));
         }
         #[cfg(not(feature = "rayon"))]
-        for (hits, rays) in hits
-            .chunks_mut(group::GROUP)
-            .zip(rays.chunks(group::GROUP))
-        {
+        for (hits, rays) in hits.chunks_mut(group::GROUP).zip(rays.chunks(group::GROUP)) {
             self.group::<ANY>(rays, hits);
         }
         hits

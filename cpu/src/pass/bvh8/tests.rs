@@ -225,15 +225,43 @@ fn equal_hits_take_the_lowest_index() {
 fn batches_are_single_rays() {
     let corners = soup(300, 9);
     let tree = Tree::new(&corners, 4);
-    let wide = Bvh8::new(tree.view()).unwrap();
-    let rays = rays(3000, &corners, 2);
-    let closest = wide.closest_many(&rays);
-    let any = wide.any_many(&rays);
-    assert_eq!((closest.len(), any.len()), (rays.len(), rays.len()));
-    for ((ray, hit), any) in rays.iter().zip(closest).zip(any) {
-        assert_eq!(bits(wide.closest(ray)), bits(hit));
-        assert_eq!(wide.any(ray), any);
+    // As from a camera, some with zeros in their direction or a range; then
+    // any rays.
+    let eye = Vec3::new(0.1, 0.2, 2.0);
+    let mut rays: Vec<Ray> = (0..4000)
+        .map(|i| {
+            let (x, y) = ((i % 64) as f32 / 64.0 - 0.5, (i / 64) as f32 / 64.0 - 0.5);
+            Ray {
+                origin: eye,
+                direction: Vec3::new(x, y, -2.0),
+                t_min: if i % 7 == 0 { 0.9 } else { 0.0 },
+                t_max: if i % 5 == 0 { 1.0 } else { f32::MAX },
+            }
+        })
+        .collect();
+    // At vertices: on the edges of several triangles.
+    rays.extend(corners.iter().flatten().map(|&v| Ray {
+        origin: eye,
+        direction: v - eye,
+        t_min: 0.0,
+        t_max: f32::MAX,
+    }));
+    rays.extend(self::rays(3001, &corners, 2));
+    for wide in levels(&tree) {
+        let single: Vec<_> = rays.iter().map(|r| bits(wide.closest(r))).collect();
+        let hits = single.iter().filter(|h| h[3] != BVH_MISS).count();
+        assert!(hits > 500, "{hits}");
+        for many in [wide.closest_many(&rays), wide.closest_coherent(&rays)] {
+            let many: Vec<_> = many.into_iter().map(bits).collect();
+            assert_eq!(many, single, "{}", wide.level().name());
+        }
+        for many in [wide.any_many(&rays), wide.any_coherent(&rays)] {
+            let any: Vec<_> = single.iter().map(|h| h[3] != BVH_MISS).collect();
+            assert_eq!(many, any, "{}", wide.level().name());
+        }
     }
+    let none = levels(&tree).pop().unwrap().closest_coherent(&[]);
+    assert!(none.is_empty());
 }
 
 #[test]

@@ -78,6 +78,26 @@ pub(super) struct Slopes {
     pub(super) t_min: f32,
 }
 
+impl LeafRay {
+    /// A ray that nobody asks for.
+    pub(super) const NONE: Self = Self {
+        shear: RayShear {
+            origin: Vec3::ZERO,
+            direction: Vec3::ZERO,
+            inverse: Vec3::ZERO,
+            shear: Vec2::ZERO,
+            axis: 0,
+            parallel: 0,
+            slack: 0.0,
+        },
+        axes: [0; 3],
+        origin: [0.0; 3],
+        t_min: 0.0,
+        below: 0,
+        above: 0,
+    };
+}
+
 impl Slopes {
     /// A ray that nobody asks for.
     pub(super) const NONE: Self = Self {
@@ -90,10 +110,11 @@ impl Slopes {
 }
 
 /// What the triangles need of a ray.
+#[derive(Clone, Copy)]
 pub(super) struct LeafRay {
     pub(super) shear: RayShear,
     /// The vertices' axes in the order of the shear.
-    axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     origin: [f32; 3],
     t_min: f32,
     /// Lanes that may have negative, or positive, edges.
@@ -266,10 +287,10 @@ fn sheared<L: Lanes>(l: L, v: &[[f32; 8]; 3], ray: &LeafRay) -> (L::F, L::F) {
 
 /// A vector in every lane.
 #[derive(Clone, Copy)]
-struct Wide<L: Lanes> {
-    x: L::F,
-    y: L::F,
-    z: L::F,
+pub(super) struct Wide<L: Lanes> {
+    pub(super) x: L::F,
+    pub(super) y: L::F,
+    pub(super) z: L::F,
 }
 
 #[inline(always)]
@@ -335,48 +356,77 @@ fn vertex<L: Lanes>(l: L, v: &[[f32; 8]; 3]) -> Wide<L> {
     }
 }
 
-/// Tests a block's triangles: `triangle_intersect_sheared`, the same
-/// operations on the same numbers, eight triangles at a time.
+/// The products whose order tells on which side of each edge the ray is.
+pub(super) struct Edges<L: Lanes> {
+    plus: [L::F; 3],
+    minus: [L::F; 3],
+}
+
+/// The edges of corners that are moved along the ray.
 #[inline(always)]
-pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
-    let sa = sheared(l, &block.vertices[0], ray);
-    let sb = sheared(l, &block.vertices[1], ray);
-    let sc = sheared(l, &block.vertices[2], ray);
-    // The order of an edge's ends and the test for equal products, which guard
-    // the twin against fused operations, change no bit but a zero's sign here.
-    let (pa, qa) = (l.mul(sb.0, sc.1), l.mul(sb.1, sc.0));
-    let (pb, qb) = (l.mul(sc.0, sa.1), l.mul(sc.1, sa.0));
-    let (pc, qc) = (l.mul(sa.0, sb.1), l.mul(sa.1, sb.0));
-    let below = l.or(l.or(l.lt(pa, qa), l.lt(pb, qb)), l.lt(pc, qc));
-    let above = l.or(l.or(l.lt(qa, pa), l.lt(qb, pb)), l.lt(qc, pc));
-    let (below, above) = (l.bits(below), l.bits(above));
-    let through = (below ^ above) & ((below & ray.below) | (above & ray.above));
-    if through == 0 {
-        return;
+pub(super) fn edges<L: Lanes>(l: L, corners: [(L::F, L::F); 3]) -> Edges<L> {
+    let [a, b, c] = corners;
+    Edges {
+        plus: [l.mul(b.0, c.1), l.mul(c.0, a.1), l.mul(a.0, b.1)],
+        minus: [l.mul(b.1, c.0), l.mul(c.1, a.0), l.mul(a.1, b.0)],
     }
+}
+
+/// Where some edge is negative, and where one is positive.
+///
+/// The order of an edge's ends and the test for equal products, which guard
+/// the twin against fused operations, change no bit here but a zero's sign.
+#[inline(always)]
+pub(super) fn sides<L: Lanes>(l: L, edges: &Edges<L>) -> (L::M, L::M) {
+    let ([p, q, r], [s, t, u]) = (edges.plus, edges.minus);
+    (
+        l.or(l.or(l.lt(p, s), l.lt(q, t)), l.lt(r, u)),
+        l.or(l.or(l.lt(s, p), l.lt(t, q)), l.lt(u, r)),
+    )
+}
+
+/// What the second half of the test needs of a ray: one ray in every lane, or
+/// one in each.
+pub(super) struct Line<L: Lanes> {
+    pub(super) origin: Wide<L>,
+    pub(super) direction: Wide<L>,
+    pub(super) inverse: Wide<L>,
+    pub(super) slack: L::F,
+    pub(super) t_min: L::F,
+    pub(super) t_max: L::F,
+}
+
+/// The outcome of the second half.
+pub(super) struct Tested<L: Lanes> {
+    /// The ray is exactly on an edge: a zero of either sign.
+    pub(super) on_edge: L::M,
+    /// Otherwise: whether it is a hit.
+    pub(super) hit: L::M,
+    pub(super) t: L::F,
+    pub(super) u: L::F,
+    pub(super) v: L::F,
+}
+
+/// The second half of `triangle_intersect_sheared`, the same operations on the
+/// same numbers, for triangles whose edges let the ray through and rays
+/// without a zero in their direction.
+#[inline(always)]
+pub(super) fn finish<L: Lanes>(
+    l: L,
+    corners: [Wide<L>; 3],
+    edges: &Edges<L>,
+    ray: &Line<L>,
+) -> Tested<L> {
     let zero = l.splat(0.0);
     let one = l.splat(1.0);
-    let (ea, eb, ec) = (l.sub(pa, qa), l.sub(pb, qb), l.sub(pc, qc));
+    let ea = l.sub(edges.plus[0], edges.minus[0]);
+    let eb = l.sub(edges.plus[1], edges.minus[1]);
+    let ec = l.sub(edges.plus[2], edges.minus[2]);
     let on_edge = l.or(l.or(l.eq(ea, zero), l.eq(eb, zero)), l.eq(ec, zero));
-    if ray.shear.parallel != 0 || l.bits(on_edge) & through != 0 {
-        // Zeros of either sign, and slabs without a division.
-        leaf_scalar(block, &ray.shear, ray.t_min, through, best);
-        return;
-    }
-
-    let origin = Wide {
-        x: l.splat(ray.shear.origin.x),
-        y: l.splat(ray.shear.origin.y),
-        z: l.splat(ray.shear.origin.z),
-    };
-    let a = vertex(l, &block.vertices[0]);
-    let b = vertex(l, &block.vertices[1]);
-    let c = vertex(l, &block.vertices[2]);
-    let (la, lb, lc) = (
-        minus(l, a, origin),
-        minus(l, b, origin),
-        minus(l, c, origin),
-    );
+    let [a, b, c] = corners;
+    let la = minus(l, a, ray.origin);
+    let lb = minus(l, b, ray.origin);
+    let lc = minus(l, c, ray.origin);
     let low = Wide::<L> {
         x: min3(l, la.x, lb.x, lc.x),
         y: min3(l, la.y, lb.y, lc.y),
@@ -389,12 +439,12 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     };
     let extent = minus(l, high, low);
     let pad = l.mul(max3(l, extent.x, extent.y, extent.z), l.splat(TRIANGLE_PAD));
-    let x = slab_axis(l, low.x, high.x, pad, l.splat(ray.shear.inverse.x));
-    let y = slab_axis(l, low.y, high.y, pad, l.splat(ray.shear.inverse.y));
-    let z = slab_axis(l, low.z, high.z, pad, l.splat(ray.shear.inverse.z));
+    let x = slab_axis(l, low.x, high.x, pad, ray.inverse.x);
+    let y = slab_axis(l, low.y, high.y, pad, ray.inverse.y);
+    let z = slab_axis(l, low.z, high.z, pad, ray.inverse.z);
     let near = max3(l, x.0, y.0, z.0);
     let far = min3(l, x.1, y.1, z.1);
-    let widened = l.add(l.mul(far, l.splat(AABB_WIDEN)), l.splat(ray.shear.slack));
+    let widened = l.add(l.mul(far, l.splat(AABB_WIDEN)), ray.slack);
     let own_box = l.le(near, widened);
 
     let area = l.add(l.add(ea, eb), ec);
@@ -416,13 +466,8 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
         y: l.sub(l.add(la.y, l.mul(ab.y, u)), l.mul(ca.y, v)),
         z: l.sub(l.add(la.z, l.mul(ab.z, u)), l.mul(ca.z, v)),
     };
-    let direction = Wide {
-        x: l.splat(ray.shear.direction.x),
-        y: l.splat(ray.shear.direction.y),
-        z: l.splat(ray.shear.direction.z),
-    };
     let numerator = dot(l, normal, point);
-    let denominator = dot(l, normal, direction);
+    let denominator = dot(l, normal, ray.direction);
     let size = l.abs(denominator);
     let divides = l.and(
         l.lt(l.mul(l.abs(numerator), l.splat(PLANE_RATIO)), size),
@@ -431,15 +476,73 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     let plane = l.div(numerator, l.select(divides, denominator, one));
     let along = l.select(divides, plane, near);
     let t = l.max(near, l.min(far, along));
-    let range = l.and(l.le(l.splat(ray.t_min), t), l.le(t, l.splat(best.t)));
-    let mut hits = through & l.bits(l.and(own_box, range));
+    let range = l.and(l.le(ray.t_min, t), l.le(t, ray.t_max));
+    Tested {
+        on_edge,
+        hit: l.and(own_box, range),
+        t,
+        u,
+        v,
+    }
+}
+
+#[inline(always)]
+fn splat_wide<L: Lanes>(l: L, v: Vec3) -> Wide<L> {
+    Wide {
+        x: l.splat(v.x),
+        y: l.splat(v.y),
+        z: l.splat(v.z),
+    }
+}
+
+/// Tests a block's triangles, eight at a time.
+#[inline(always)]
+pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+    let edges = edges(
+        l,
+        [
+            sheared(l, &block.vertices[0], ray),
+            sheared(l, &block.vertices[1], ray),
+            sheared(l, &block.vertices[2], ray),
+        ],
+    );
+    let (below, above) = sides(l, &edges);
+    let (below, above) = (l.bits(below), l.bits(above));
+    let through = (below ^ above) & ((below & ray.below) | (above & ray.above));
+    if through == 0 {
+        return;
+    }
+    if ray.shear.parallel != 0 {
+        // Slabs without a division.
+        leaf_scalar(block, ray, through, best);
+        return;
+    }
+    let corners = [
+        vertex(l, &block.vertices[0]),
+        vertex(l, &block.vertices[1]),
+        vertex(l, &block.vertices[2]),
+    ];
+    let line = Line {
+        origin: splat_wide(l, ray.shear.origin),
+        direction: splat_wide(l, ray.shear.direction),
+        inverse: splat_wide(l, ray.shear.inverse),
+        slack: l.splat(ray.shear.slack),
+        t_min: l.splat(ray.t_min),
+        t_max: l.splat(best.t),
+    };
+    let tested = finish(l, corners, &edges, &line);
+    let on_edge = through & l.bits(tested.on_edge);
+    if on_edge != 0 {
+        leaf_scalar(block, ray, on_edge, best);
+    }
+    let mut hits = through & !on_edge & l.bits(tested.hit);
     if hits == 0 {
         return;
     }
     let (mut ts, mut us, mut vs) = (Row([0.0; 8]), Row([0.0; 8]), Row([0.0; 8]));
-    l.store(t, &mut ts.0);
-    l.store(u, &mut us.0);
-    l.store(v, &mut vs.0);
+    l.store(tested.t, &mut ts.0);
+    l.store(tested.u, &mut us.0);
+    l.store(tested.v, &mut vs.0);
     while hits != 0 {
         let k = (hits.trailing_zeros() & 7) as usize;
         hits &= hits - 1;
@@ -462,7 +565,7 @@ pub(super) struct Row(pub(super) [f32; 8]);
 
 #[cold]
 #[inline(never)]
-fn leaf_scalar(block: &Block, shear: &RayShear, t_min: f32, mut through: u32, best: &mut BvhHit) {
+pub(super) fn leaf_scalar(block: &Block, ray: &LeafRay, mut through: u32, best: &mut BvhHit) {
     while through != 0 {
         let k = (through.trailing_zeros() & 7) as usize;
         through &= through - 1;
@@ -471,7 +574,7 @@ fn leaf_scalar(block: &Block, shear: &RayShear, t_min: f32, mut through: u32, be
             Vec3::new(v[0][k], v[1][k], v[2][k])
         };
         let (a, b, c) = (corner(0), corner(1), corner(2));
-        let hit = triangle_intersect_sheared(shear, t_min, best.t, a, b, c);
+        let hit = triangle_intersect_sheared(&ray.shear, ray.t_min, best.t, a, b, c);
         let primitive = block.primitives[k];
         if hit.hit != 0 && (hit.t < best.t || primitive < best.primitive) {
             *best = BvhHit {
