@@ -356,6 +356,10 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
                 while mask != 0 {
                     let k = (mask.trailing_zeros() & 7) as usize;
                     mask &= mask - 1;
+                    // What the bounds of all rays touch, none of them may.
+                    if touch(l, node, k, &lanes, &all) == 0 {
+                        continue;
+                    }
                     let child = node.children[k];
                     let child = if child & LEAF == 0 {
                         child
