@@ -1051,6 +1051,38 @@ mod tests {
     }
 
     #[test]
+    fn a_variance_that_rounds_out_of_range_is_no_data_for_the_next_pass() {
+        let size = UVec2::new(40, 9);
+        let largest = f32::from_bits(VARIANCE_BITS - 1);
+        let alone = |at: UVec2| SvgfSurface {
+            position: Vec3::new(at.x as f32, at.y as f32, 100.0 * (at.x % 2) as f32),
+            reach: 0.3 + noise(at, 1),
+            normal: Vec3::new(0.1 * noise(at, 2), 0.0, 1.0).normalize(),
+        };
+        let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+        pass.set_surfaces(alone);
+        pass.set_image(|at| ([noise(at, 5)], largest));
+        let mut out_of_range = 0;
+        for i in 0..5 {
+            let before = pass.clone();
+            pass.atrous(1 << i);
+            for k in 0..size.x * size.y {
+                let at = UVec2::new(k % size.x, k / size.x);
+                let read = |at| {
+                    let ([value], variance) = before.at(at);
+                    SvgfScalar { value, variance }
+                };
+                let settings = SvgfSettings::PAPER;
+                let want = svgf_atrous_scalar_pixel(at, size, 1 << i, settings, alone, read);
+                let ([value], variance) = pass.at(at);
+                assert_eq!((value, variance), (want.value, want.variance), "{at} {i}");
+                out_of_range += u32::from(variance > largest);
+            }
+        }
+        println!("{out_of_range} out of range");
+    }
+
+    #[test]
     fn every_level_gives_the_same_bits() {
         let size = UVec2::new(333, 41);
         for settings in PRESETS {
