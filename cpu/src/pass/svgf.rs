@@ -488,7 +488,8 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                 let count = LANES.min(width - x);
                 let reach = block(own.reach, at);
                 let known = block(own.masks[KNOWN], at);
-                if pass.leaves_out(x, y) {
+                // Neither what no pass can change nor what is nothing but sky.
+                if pass.leaves_out(x, y) || !reach.iter().any(|r| *r > 0.0) {
                     pass.copy_block(&own, at, count, &known, out);
                     continue;
                 }
@@ -878,21 +879,25 @@ impl<const C: usize> SvgfPass<C> {
         for_rows(self.image.all_mut(), Self::IMAGE * pitch, |y, row| {
             let plane = |k: usize| &masks[(y * MASKS + k) * pitch + margin..][..width];
             let (known, known_variance) = (plane(KNOWN), plane(VARIANCE_MASK));
-            for x in 0..width {
-                let place = |k: usize| k * pitch + margin + x;
-                for c in 0..C {
-                    let v = row[place(c)];
-                    row[place(c)] = if known[x] > 0.0 { v } else { 0.0 };
-                }
-                let v = row[place(C)];
-                row[place(C)] = if known_variance[x] > 0.0 && v > 0.0 {
-                    v
+            let (samples, light) = row.split_at_mut((C + 1) * pitch);
+            for (c, plane) in samples.chunks_exact_mut(pitch).enumerate() {
+                let plane = &mut plane[margin..][..width];
+                if c < C {
+                    for (v, known) in plane.iter_mut().zip(known) {
+                        *v = if *known > 0.0 { *v } else { 0.0 };
+                    }
                 } else {
-                    0.0
-                };
-                if C == 3 {
-                    let light = luminance(row[place(0)], row[place(1)], row[place(2)]);
-                    row[place(Self::LUMINANCE)] = light;
+                    for (v, known) in plane.iter_mut().zip(known_variance) {
+                        *v = if *known > 0.0 { most(*v, 0.0) } else { 0.0 };
+                    }
+                }
+            }
+            if C == 3 {
+                let channel = |c: usize| &samples[c * pitch + margin..][..width];
+                let (r, g, b) = (channel(0), channel(1), channel(2));
+                let light = &mut light[margin..][..width];
+                for x in 0..width {
+                    light[x] = luminance(r[x], g[x], b[x]);
                 }
             }
         });
@@ -908,12 +913,18 @@ impl<const C: usize> SvgfPass<C> {
         });
     }
 
+    /// A plane of a row of the image.
+    #[inline(always)]
+    fn plane_of(&self, y: usize, plane: usize) -> &[f32] {
+        &self.image.all()[(y * Self::IMAGE + plane) * self.pitch..][..self.pitch]
+    }
+
     /// The planes of a row of the image.
     #[inline(always)]
     fn planes(&self, y: usize) -> Row<'_, C> {
         let pitch = self.pitch;
         let surface = |k: usize| &self.surfaces.all()[(y * SURFACE + k) * pitch..][..pitch];
-        let image = |k: usize| &self.image.all()[(y * Self::IMAGE + k) * pitch..][..pitch];
+        let image = |k: usize| self.plane_of(y, k);
         let mask = |k: usize| &self.masks.all()[(y * MASKS + k) * pitch..][..pitch];
         let mut channels = [EMPTY.as_slice(); C];
         for (c, channel) in channels.iter_mut().enumerate() {
@@ -961,7 +972,7 @@ mod tests {
             reach: 0.5,
             normal: Vec3::new(0.2 * noise(at, 2), 0.1 * noise(at, 3), 1.0).normalize(),
         };
-        if at.y > 40 && at.y < 44 {
+        if at.y > 40 && at.y < 44 || at.y < 3 && at.x > 100 {
             s.reach = 0.0;
         }
         if noise(at, 4) < 0.002 {
