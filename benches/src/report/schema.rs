@@ -475,6 +475,8 @@ pub struct PassRow {
     pub gb_s: f64,
     /// What a copy of a buffer reaches in the same run, reads and writes.
     pub copy_gb_s: f64,
+}
+
 /// One estimator's answers to one signal, after the frame in which it moves.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorRow {

@@ -165,7 +165,7 @@ fn block(plane: &[f32], at: usize) -> &Block {
 /// The blocks of a plane at some places. A loop, since what the library calls
 /// for `from_fn` is not always inlined into code for another [`SimdLevel`].
 #[inline(always)]
-fn blocks<'a, const N: usize>(plane: &'a [f32], at: [usize; N]) -> [&'a Block; N] {
+fn blocks<const N: usize>(plane: &[f32], at: [usize; N]) -> [&Block; N] {
     let mut all = [EMPTY; N];
     for j in 0..N {
         all[j] = block(plane, at[j]);
@@ -175,7 +175,7 @@ fn blocks<'a, const N: usize>(plane: &'a [f32], at: [usize; N]) -> [&'a Block; N
 
 /// The blocks of planes at one place.
 #[inline(always)]
-fn planes_at<'a, const N: usize>(planes: [&'a [f32]; N], at: usize) -> [&'a Block; N] {
+fn planes_at<const N: usize>(planes: [&[f32]; N], at: usize) -> [&Block; N] {
     let mut all = [EMPTY; N];
     for k in 0..N {
         all[k] = block(planes[k], at);
@@ -490,7 +490,7 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                 let known = block(own.masks[KNOWN], at);
                 // Neither what no pass can change nor what is nothing but sky.
                 if pass.leaves_out(x, y) || !reach.iter().any(|r| *r > 0.0) {
-                    pass.copy_block(&own, at, count, &known, out);
+                    pass.copy_block(&own, at, count, known, out);
                     continue;
                 }
                 let smooth = gaussian(&around, at);

@@ -144,9 +144,9 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
         };
         out.leaf = leaf <= inner;
         out.cost[0] = leaf.min(inner);
-        for roots in 2..=7usize {
-            out.cost[roots - 1] = spread[roots];
-            if spread[roots] >= out.cost[roots - 2] {
+        for (roots, &cost) in spread.iter().enumerate().take(8).skip(2) {
+            out.cost[roots - 1] = cost;
+            if cost >= out.cost[roots - 2] {
                 out.cost[roots - 1] = out.cost[roots - 2];
                 out.split[roots - 2] = 0;
             }

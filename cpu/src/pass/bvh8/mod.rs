@@ -477,7 +477,7 @@ impl Bvh8 {
             let mut out = [Vec3::ZERO; 3];
             for (corner, &index) in out.iter_mut().zip(triangle) {
                 let p = *positions.get(index as usize).ok_or(error)?;
-                if !(p.abs().max_element() <= COORDINATE_MAX) || !p.is_finite() {
+                if !p.is_finite() || p.abs().max_element() > COORDINATE_MAX {
                     return Err(error);
                 }
                 *corner = p;

@@ -41,10 +41,9 @@ impl Stack {
     pub(super) fn pop(&mut self) -> Option<Entry> {
         self.depth = self.depth.checked_sub(1)?;
         // SAFETY: `push` has written every entry below `depth`.
-        match self.entries.get(self.depth) {
-            Some(entry) => Some(unsafe { entry.assume_init() }),
-            None => None,
-        }
+        self.entries
+            .get(self.depth)
+            .map(|entry| unsafe { entry.assume_init() })
     }
 }
 
@@ -724,14 +723,14 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
             at = many[0] as u32;
             continue 'down;
         }
-        if at & LEAF != 0 {
-            if let Some(block) = blocks.get((at & !LEAF) as usize) {
-                l.leaf(block, leaf_ray, &mut best);
-                if ANY && best.primitive != BVH_MISS {
-                    return best;
-                }
-                t_max = l.splat(best.t);
+        if at & LEAF != 0
+            && let Some(block) = blocks.get((at & !LEAF) as usize)
+        {
+            l.leaf(block, leaf_ray, &mut best);
+            if ANY && best.primitive != BVH_MISS {
+                return best;
             }
+            t_max = l.splat(best.t);
         }
         loop {
             let Some(entry) = stack.pop() else {
