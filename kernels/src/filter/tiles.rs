@@ -57,7 +57,7 @@ fn tiles_read_row(tile: vec2u) -> u32 {
         h = (h ^ (h >> 16)).wrapping_mul(0x7feb_352d);
         h = (h ^ (h >> 15)).wrapping_mul(0x846c_a68b);
         h ^= h >> 16;
-        if h % rare == 0 {
+        if h.is_multiple_of(rare) {
             return (h >> 8) & 3;
         }
         if at.x & 1 == 0 { TILES_NONE } else { TILES_LIT }

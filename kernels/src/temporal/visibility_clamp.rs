@@ -65,8 +65,7 @@ fn packed_visibility_read_row(pixel: vec2u) -> u32 {
         visibility_clamp_rows_pixel(pixel, size, history, gamma, read_row)
     }
     fn exact_limit(history: f64, mean: f64, variance: f64, gamma: f64) -> f64 {
-        // Not `<`: a NaN is no history either.
-        if !(history.abs() <= 1e15) {
+        if history.is_nan() || history.abs() > 1e15 {
             return mean;
         }
         let reach = gamma * variance.sqrt();
