@@ -323,7 +323,7 @@ pub fn svgf_normal_weight(normal: Vec3, other_normal: Vec3, squarings: u32) -> f
 
 /// `2^-exponent`, for `exponent >= 0`; 0 above 40.
 #[inline(always)]
-fn svgf_fade(exponent: f32) -> f32 {
+pub(crate) fn svgf_fade(exponent: f32) -> f32 {
     if exponent > EXPONENT_MAX {
         return 0.0;
     }

@@ -436,7 +436,8 @@ struct Gather<'a, const C: usize> {
     pass: &'a SvgfPass<C>,
     step: usize,
     rows: Rows<'a>,
-    /// Set where a pixel's result is no data.
+    /// Set where a pixel's result is no data: a variance that rounds up out of
+    /// range. No input is known that does it.
     broken: &'a AtomicBool,
 }
 
@@ -953,7 +954,9 @@ impl<const C: usize> SvgfPass<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::svgf::{SvgfColor, SvgfScalar, svgf_atrous_pixel, svgf_atrous_scalar_pixel};
+    use crate::filter::svgf::{
+        SvgfColor, SvgfScalar, svgf_atrous_pixel, svgf_atrous_scalar_pixel, svgf_fade,
+    };
     use crate::random::pcg::{pcg_hash, pcg_unit};
     use glam::Vec3;
 
@@ -1062,35 +1065,19 @@ mod tests {
     }
 
     #[test]
-    fn a_variance_that_rounds_out_of_range_is_no_data_for_the_next_pass() {
-        let size = UVec2::new(40, 9);
-        let largest = f32::from_bits(VARIANCE_BITS - 1);
-        let alone = |at: UVec2| SvgfSurface {
-            position: Vec3::new(at.x as f32, at.y as f32, 100.0 * (at.x % 2) as f32),
-            reach: 0.3 + noise(at, 1),
-            normal: Vec3::new(0.1 * noise(at, 2), 0.0, 1.0).normalize(),
-        };
-        let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
-        pass.set_surfaces(alone);
-        pass.set_image(|at| ([noise(at, 5)], largest));
-        let mut out_of_range = 0;
-        for i in 0..5 {
-            let before = pass.clone();
-            pass.atrous(1 << i);
-            for k in 0..size.x * size.y {
-                let at = UVec2::new(k % size.x, k / size.x);
-                let read = |at| {
-                    let ([value], variance) = before.at(at);
-                    SvgfScalar { value, variance }
-                };
-                let settings = SvgfSettings::PAPER;
-                let want = svgf_atrous_scalar_pixel(at, size, 1 << i, settings, alone, read);
-                let ([value], variance) = pass.at(at);
-                assert_eq!((value, variance), (want.value, want.variance), "{at} {i}");
-                out_of_range += u32::from(variance > largest);
-            }
+    fn weights_fade_as_the_techniques() {
+        for i in 0..200_000u32 {
+            let x = 42.0 * pcg_unit(pcg_hash(i));
+            assert_eq!(fade(x), svgf_fade(x), "{x}");
         }
-        println!("{out_of_range} out of range");
+        for i in 0..=84u16 {
+            let x = f32::from(i) * 0.5;
+            assert_eq!(fade(x), svgf_fade(x), "{x}");
+        }
+        for x in [40.0f32.next_up(), 1e30, f32::MAX] {
+            assert_eq!(fade(x), 0.0);
+        }
+        assert!(fade(40.0) > 0.0);
     }
 
     #[test]
