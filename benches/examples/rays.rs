@@ -182,8 +182,8 @@ fn main() {
                     sums.last_mut().expect("just pushed")
                 }
             };
-            for k in 0..4 {
-                sum.1[k] += ratio[k].ln();
+            for (log, r) in sum.1.iter_mut().zip(ratio) {
+                *log += r.ln();
             }
             sum.2 += 1;
         }

@@ -67,7 +67,7 @@ impl BvhSettings {
 }
 
 /// Which engines take part. The peers always do, where they are there.
-pub struct Engines<'a> {
+pub(super) struct Engines<'a> {
     /// Ours and obvhs's on the CPU.
     pub cpu: bool,
     /// Whether Embree was found.
@@ -410,7 +410,7 @@ fn camera(scene: &Scene, width: usize, height: usize) -> Camera {
 ///
 /// # Errors
 /// If the mesh has no tree or Embree refuses it.
-pub fn measure(
+pub(super) fn measure(
     scene: &Scene,
     settings: &BvhSettings,
     with: &Engines<'_>,
@@ -514,7 +514,10 @@ fn build(name: &str, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Bvh, Re
 ///
 /// # Errors
 /// If Embree refuses the mesh.
-pub fn measure_family(family: &Family, with: &Engines<'_>) -> Result<Vec<FamilyRow>, ReportError> {
+pub(super) fn measure_family(
+    family: &Family,
+    with: &Engines<'_>,
+) -> Result<Vec<FamilyRow>, ReportError> {
     let mesh = &family.mesh;
     let bvh = build(&family.name, &mesh.positions, &mesh.indices)?;
     let engines = open(
