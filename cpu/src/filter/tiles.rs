@@ -382,7 +382,8 @@ mod tests {
     #[test]
     fn rows_and_columns_are_the_square() {
         let tiles = UVec2::new(11, 7);
-        let read = |t: UVec2| u32::from(pcg_hash(t.x ^ pcg_hash(t.y)) % 9 == 0) << (t.x % 2);
+        let read =
+            |t: UVec2| u32::from(pcg_hash(t.x ^ pcg_hash(t.y)).is_multiple_of(9)) << (t.x % 2);
         for reach in [0, 1, 3, 20] {
             for i in 0..77 {
                 let tile = tiles_at(i, tiles.x);
