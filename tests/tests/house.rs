@@ -210,3 +210,39 @@ fn the_cpu_crate_has_unsafe_where_vectors_are_chosen_and_nowhere_else() {
     ];
     assert_eq!(found, BTreeSet::from(allowed.map(String::from)));
 }
+
+/// A trap without its test would be a claim.
+#[test]
+fn every_trap_has_its_test() {
+    fn functions(folder: &Path, found: &mut BTreeSet<String>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of sources") {
+            let path = entry.expect("directory entry").path();
+            if path.is_dir() {
+                functions(&path, found);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = std::fs::read_to_string(&path).expect("a source file");
+                let after_test = text.split("#[test]").skip(1);
+                let names = after_test.filter_map(|t| t.split_once("fn ")?.1.split_once('('));
+                found.extend(names.map(|(name, _)| name.to_string()));
+            }
+        }
+    }
+    let mut found = BTreeSet::new();
+    for folder in ["cpu/src", "tests/tests"] {
+        functions(&root().join(folder), &mut found);
+    }
+    let page = std::fs::read_to_string(root().join("docs/traps.md")).expect("docs/traps.md");
+    let rows = page.lines().filter(|l| l.starts_with("| ")).skip(2);
+    let mut count = 0;
+    for row in rows {
+        let tests = row.split(" | ").nth(2).expect("three columns");
+        for name in tests.split('`').skip(1).step_by(2) {
+            assert!(
+                found.contains(name),
+                "docs/traps.md names {name}, no test has it"
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 30, "{count} tests");
+}
