@@ -144,11 +144,11 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
         };
         out.leaf = leaf <= inner;
         out.cost[0] = leaf.min(inner);
-        for (roots, &cost) in spread.iter().enumerate().take(8).skip(2) {
-            out.cost[roots - 1] = cost;
-            if cost >= out.cost[roots - 2] {
-                out.cost[roots - 1] = out.cost[roots - 2];
-                out.split[roots - 2] = 0;
+        for (i, &cost) in spread[2..8].iter().enumerate() {
+            out.cost[i + 1] = cost;
+            if cost >= out.cost[i] {
+                out.cost[i + 1] = out.cost[i];
+                out.split[i] = 0;
             }
         }
         plans[i] = out;

@@ -40,10 +40,9 @@ impl Stack {
     #[inline(always)]
     pub(super) fn pop(&mut self) -> Option<Entry> {
         self.depth = self.depth.checked_sub(1)?;
+        let entry = self.entries.get(self.depth)?;
         // SAFETY: `push` has written every entry below `depth`.
-        self.entries
-            .get(self.depth)
-            .map(|entry| unsafe { entry.assume_init() })
+        Some(unsafe { entry.assume_init() })
     }
 }
 
