@@ -24,6 +24,7 @@
 
 pub mod brdf;
 pub mod filter;
+pub mod gi;
 pub mod math;
 pub mod pass;
 pub mod random;

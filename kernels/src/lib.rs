@@ -32,6 +32,7 @@ pub mod brdf;
 pub mod contract;
 
 pub mod filter;
+pub mod gi;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod math;

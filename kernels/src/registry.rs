@@ -37,6 +37,7 @@ registry! {
     filter / spatial_reconstruct;
     filter / svgf;
     filter / tiles;
+    gi / surfel;
     math / exponent;
     math / luminance;
     math / octahedral;

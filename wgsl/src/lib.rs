@@ -214,6 +214,14 @@ modules! {
                 "fn tiles_read_row(tile: vec2u) -> u32"
             } "tiles.bindings.wgsl";
     }
+    /// Global illumination.
+    gi {
+        SURFEL "surfel" ["math/vector", "random/pcg", "ray/camera"]
+            {
+                "fn surfel_read(entry: u32) -> Surfel",
+                "fn surfel_read_irradiance(entry: u32) -> vec3f"
+            } "surfel.bindings.wgsl";
+    }
     /// Numeric building blocks.
     math {
         EXPONENT "exponent" [];

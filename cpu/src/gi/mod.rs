@@ -1,0 +1,3 @@
+//! Global illumination: light that has bounced before, kept in the scene.
+
+pub mod surfel;

@@ -1,0 +1,3 @@
+//! Global illumination: the pairs and their contracts.
+
+pub mod surfel;
