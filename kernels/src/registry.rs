@@ -38,6 +38,7 @@ registry! {
     filter / svgf;
     filter / tiles;
     gi / surfel;
+    gi / surfel_grid;
     math / exponent;
     math / luminance;
     math / octahedral;

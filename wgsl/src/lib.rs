@@ -38,6 +38,8 @@ pub struct Module {
 /// Compute passes over whole images: entry points with their bindings, to be
 /// appended to the linked module of the same name.
 pub mod pass {
+    /// `gi/surfel_grid`: the lists of all cells.
+    pub const SURFEL_GRID: &str = include_str!("gi/surfel_grid.pass.wgsl");
     /// `filter/svgf` for colours.
     pub const SVGF_COLOR: &str = include_str!("filter/svgf.pass_color.wgsl");
     /// `filter/svgf` for scalars.
@@ -221,6 +223,7 @@ modules! {
                 "fn surfel_read(entry: u32) -> Surfel",
                 "fn surfel_read_irradiance(entry: u32) -> vec3f"
             } "surfel.bindings.wgsl";
+        SURFEL_GRID "surfel_grid" ["gi/surfel", "random/pcg"];
     }
     /// Numeric building blocks.
     math {

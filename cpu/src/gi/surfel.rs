@@ -81,7 +81,7 @@ fn surfel_bits3(v: Vec3) -> u32 {
 }
 
 /// 1 if a surfel can cover anything: its numbers are finite, its radius between
-/// [`SURFEL_RADIUS_MIN`] and [`SURFEL_RADIUS_MAX`], its normal has a length.
+/// [`SURFEL_RADIUS_MIN`] and [`SURFEL_RADIUS_MAX`], its normal has (about) unit length.
 ///
 /// By bit pattern, as WGSL lets an implementation assume that no NaN occurs.
 #[inline]
@@ -95,7 +95,7 @@ pub fn surfel_sound(surfel: Surfel) -> u32 {
     {
         return 0;
     }
-    u32::from(vec3_dot(surfel.normal, surfel.normal) > 0.5)
+    u32::from(vec3_dot(surfel.normal, surfel.normal) > 0.98)
 }
 
 /// Squared distance of a point from a surfel, in radii, with the part along the

@@ -6,5 +6,6 @@
 //! parallel.
 
 pub mod bvh8;
+pub mod surfel_grid;
 pub mod svgf;
 pub mod tiles;

@@ -1,3 +1,4 @@
 //! Global illumination: the pairs and their contracts.
 
 pub mod surfel;
+pub mod surfel_grid;

@@ -137,7 +137,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         let largest = f64::from(SURFEL_LARGEST);
         let radii = f64::from(SURFEL_RADIUS_MIN)..=f64::from(SURFEL_RADIUS_MAX);
         let sound = finite(position, largest) && finite(normal, 2.0) && radii.contains(&radius);
-        u32::from(sound && normal.length_squared() > 0.5)
+        u32::from(sound && normal.length_squared() > 0.98)
     }
     // Lagrange's identity in place of the cross product.
     fn exact_distance((position, radius, n, _): WideSurfel, point: DVec3) -> f64 {

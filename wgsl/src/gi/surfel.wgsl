@@ -53,7 +53,7 @@ fn surfel_bits3(v: vec3f) -> u32 {
 }
 
 // 1 if a surfel can cover anything: its numbers are finite, its radius in
-// range, its normal has a length.
+// range, its normal has about unit length.
 fn surfel_sound(surfel: Surfel) -> u32 {
     let radius = bitcast<u32>(surfel.radius);
     if surfel_bits3(surfel.position) > bitcast<u32>(SURFEL_LARGEST)
@@ -62,7 +62,7 @@ fn surfel_sound(surfel: Surfel) -> u32 {
         || radius > bitcast<u32>(SURFEL_RADIUS_MAX) {
         return 0u;
     }
-    return select(0u, 1u, vec3_dot(surfel.normal, surfel.normal) > 0.5);
+    return select(0u, 1u, vec3_dot(surfel.normal, surfel.normal) > 0.98);
 }
 
 // Squared distance of a point from a surfel, in radii, with the part along the

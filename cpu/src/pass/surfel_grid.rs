@@ -1,0 +1,264 @@
+//! [`gi::surfel_grid`](crate::gi::surfel_grid) for all surfels: the lists of
+//! all cells.
+//!
+//! Count, sum, scatter. A list holds each surfel once, in the order of their
+//! numbers; so does the GPU's, which sorts, since its scatter has no order.
+
+use glam::{UVec2, Vec3};
+
+use crate::gi::surfel::Surfel;
+use crate::gi::surfel_grid::{
+    SURFEL_GRID_NOWHERE, SurfelGrid, surfel_grid_cell, surfel_grid_count, surfel_grid_find,
+    surfel_grid_kept, surfel_grid_levels, surfel_grid_range, surfel_grid_slot,
+};
+
+/// The lists of a grid. Keep it: a build reuses its memory.
+#[derive(Clone, Debug)]
+pub struct SurfelGridPass {
+    grid: SurfelGrid,
+    capacity: u32,
+    first: Vec<u32>,
+    count: Vec<u32>,
+    cursor: Vec<u32>,
+    entries: Vec<u32>,
+    dropped: u32,
+    homeless: u32,
+}
+
+/// Every slot that a surfel is listed in; a hash may give one twice. False if
+/// a level, or the whole, has more cells than a surfel may touch.
+fn for_slots(surfel: Surfel, grid: SurfelGrid, mut work: impl FnMut(u32)) -> bool {
+    let levels = surfel_grid_levels(surfel, grid);
+    let mut whole = levels.y > 0;
+    for level in levels.x..levels.x + levels.y {
+        let range = surfel_grid_range(surfel, level, grid);
+        let count = surfel_grid_count(range);
+        whole &= count > 0;
+        for k in 0..count {
+            let slot = surfel_grid_slot(surfel_grid_cell(range, k), level, grid);
+            if slot != SURFEL_GRID_NOWHERE {
+                work(slot);
+            }
+        }
+    }
+    whole
+}
+
+impl SurfelGridPass {
+    /// For lists with `capacity` entries in all.
+    #[must_use]
+    pub fn new(grid: SurfelGrid, capacity: u32) -> Self {
+        let slots = grid.slots as usize;
+        Self {
+            grid,
+            capacity,
+            first: vec![0; slots],
+            count: vec![0; slots],
+            cursor: vec![0; slots],
+            entries: Vec::new(),
+            dropped: 0,
+            homeless: 0,
+        }
+    }
+
+    /// Builds the lists anew.
+    pub fn build(&mut self, surfels: &[Surfel]) {
+        self.cursor.fill(0);
+        self.homeless = 0;
+        for surfel in surfels {
+            let cursor = &mut self.cursor;
+            let whole = for_slots(*surfel, self.grid, |slot| {
+                let count = &mut cursor[slot as usize];
+                *count = count.saturating_add(1);
+            });
+            self.homeless += u32::from(!whole);
+        }
+        let mut at = 0u32;
+        self.dropped = 0;
+        for slot in 0..self.first.len() {
+            let count = self.cursor[slot];
+            let kept = surfel_grid_kept(at, count, self.capacity);
+            self.first[slot] = at;
+            self.count[slot] = kept;
+            self.cursor[slot] = at;
+            self.dropped = self.dropped.saturating_add(count - kept);
+            at = at.saturating_add(count);
+        }
+        self.entries.clear();
+        self.entries.resize(at.min(self.capacity) as usize, 0);
+        for (index, surfel) in (0u32..).zip(surfels) {
+            let (first, count) = (&self.first, &self.count);
+            let (cursor, entries) = (&mut self.cursor, &mut self.entries);
+            for_slots(*surfel, self.grid, |slot| {
+                let slot = slot as usize;
+                let place = cursor[slot];
+                let known = place > first[slot] && entries[place as usize - 1] == index;
+                if count[slot] > 0 && !known {
+                    entries[place as usize] = index;
+                    cursor[slot] = place + 1;
+                }
+            });
+        }
+        for slot in 0..self.first.len() {
+            self.count[slot] = self.cursor[slot] - self.first[slot];
+        }
+    }
+
+    /// First entry and length of the list that a point looks up.
+    #[must_use]
+    pub fn list(&self, point: Vec3) -> UVec2 {
+        let slot = surfel_grid_find(point, self.grid);
+        if slot == SURFEL_GRID_NOWHERE {
+            return UVec2::ZERO;
+        }
+        UVec2::new(self.first[slot as usize], self.count[slot as usize])
+    }
+
+    /// The surfel that an entry names.
+    #[inline]
+    #[must_use]
+    pub fn entry(&self, entry: u32) -> u32 {
+        self.entries[entry as usize]
+    }
+
+    /// Where each slot's list begins.
+    #[must_use]
+    pub fn firsts(&self) -> &[u32] {
+        &self.first
+    }
+
+    /// How long each slot's list is.
+    #[must_use]
+    pub fn counts(&self) -> &[u32] {
+        &self.count
+    }
+
+    /// The surfels' numbers, list after list.
+    #[must_use]
+    pub fn entries(&self) -> &[u32] {
+        &self.entries
+    }
+
+    /// Entries that the capacity had no room for.
+    #[must_use]
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    /// Surfels that are not sound, or too large for their cells.
+    #[must_use]
+    pub fn homeless(&self) -> u32 {
+        self.homeless
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gi::surfel::surfel_coverage;
+    use crate::random::pcg::{pcg_hash, pcg_unit};
+    use glam::UVec3;
+
+    fn random(i: u32) -> f32 {
+        pcg_unit(pcg_hash(i))
+    }
+
+    fn cloud(count: u32) -> Vec<Surfel> {
+        (0..count)
+            .map(|i| {
+                let at = |k: u32| random(i * 8 + k);
+                Surfel {
+                    position: Vec3::new(at(0), at(1), at(2)) * 4.0,
+                    radius: 0.1 + 0.1 * at(3),
+                    normal: Vec3::new(at(4) - 0.5, at(5) - 0.5, at(6) + 0.1).normalize(),
+                    mesh: 0,
+                }
+            })
+            .collect()
+    }
+
+    fn grid(slots: u32) -> SurfelGrid {
+        SurfelGrid {
+            origin: Vec3::ZERO,
+            inverse_cell: 4.0,
+            size: UVec3::ZERO,
+            slots,
+            inverse_reach: 0.0,
+        }
+    }
+
+    #[test]
+    fn lists_give_the_coverage_of_all_surfels() {
+        let surfels = cloud(900);
+        let dense = SurfelGrid {
+            size: UVec3::splat(17),
+            slots: 17 * 17 * 17,
+            ..grid(0)
+        };
+        let levels = SurfelGrid {
+            inverse_reach: 1.0,
+            ..grid(1021)
+        };
+        // Even a hash with seven slots: each list nearly all of the surfels.
+        for grid in [grid(1021), grid(7), dense, levels] {
+            let mut pass = SurfelGridPass::new(grid, 1 << 20);
+            pass.build(&surfels);
+            assert_eq!((pass.dropped(), pass.homeless()), (0, 0));
+            let mut covered = 0;
+            for i in 0..2000 {
+                let j = 1_000_000 + i * 3;
+                let p = Vec3::new(random(j), random(j + 1), random(j + 2)) * 4.0;
+                let ours = surfel_coverage(p, Vec3::Z, pass.list(p), |e| {
+                    surfels[pass.entry(e) as usize]
+                });
+                let all = surfel_coverage(p, Vec3::Z, UVec2::new(0, 900), |e| surfels[e as usize]);
+                assert_eq!(ours, all);
+                covered += u32::from(all > 0.0);
+            }
+            assert!(covered > 500);
+        }
+    }
+
+    #[test]
+    fn lists_are_sorted_and_hold_each_surfel_once() {
+        let surfels = cloud(2000);
+        let mut pass = SurfelGridPass::new(grid(13), 1 << 20);
+        pass.build(&surfels);
+        for (first, count) in pass.firsts().iter().zip(pass.counts()) {
+            let list = &pass.entries()[*first as usize..(first + count) as usize];
+            assert!(list.windows(2).all(|w| w[0] < w[1]));
+        }
+    }
+
+    #[test]
+    fn a_full_grid_drops_and_counts() {
+        let mut surfels = cloud(2000);
+        let mut roomy = SurfelGridPass::new(grid(101), 1 << 20);
+        roomy.build(&surfels);
+        for capacity in [0, 1, 100, 5000] {
+            let mut pass = SurfelGridPass::new(grid(101), capacity);
+            pass.build(&surfels);
+            assert!(pass.entries().len() <= capacity as usize);
+            assert!(pass.dropped() > 0);
+            // What is kept is what it would have been.
+            for slot in 0..101 {
+                let n = pass.counts()[slot] as usize;
+                let at = pass.firsts()[slot] as usize;
+                if n > 0 {
+                    assert_eq!(n, roomy.counts()[slot] as usize);
+                    assert_eq!(
+                        pass.entries()[at..at + n],
+                        roomy.entries()[at..at + n]
+                    );
+                }
+            }
+        }
+        surfels[3].radius = 100.0;
+        surfels[5].normal = Vec3::NAN;
+        roomy.build(&surfels);
+        assert_eq!(roomy.homeless(), 2);
+        let mut none = SurfelGridPass::new(grid(0), 100);
+        none.build(&surfels);
+        assert_eq!(none.list(Vec3::ZERO), UVec2::ZERO);
+    }
+}
