@@ -509,13 +509,9 @@ mod tests {
                 Vec3::ONE
             );
         }
-        let nothing = surfel_gather(
-            Vec3::splat(50.0),
-            Vec3::Z,
-            UVec2::new(0, 30),
-            at,
-            |_| Vec3::ONE,
-        );
+        let nothing = surfel_gather(Vec3::splat(50.0), Vec3::Z, UVec2::new(0, 30), at, |_| {
+            Vec3::ONE
+        });
         assert_eq!((nothing.irradiance, nothing.weight), (Vec3::ZERO, 0.0));
         // A count that is garbage ends.
         let _ = surfel_coverage(Vec3::ZERO, Vec3::Z, UVec2::MAX, at);

@@ -132,9 +132,8 @@ pub fn surfel_grid_slot(coordinate: UVec3, level: u32, grid: SurfelGrid) -> u32 
         let cell = UVec4::new(coordinate.x, coordinate.y, coordinate.z, level);
         return pcg4d(cell).x % grid.slots;
     }
-    let outside = coordinate.x >= grid.size.x
-        || coordinate.y >= grid.size.y
-        || coordinate.z >= grid.size.z;
+    let outside =
+        coordinate.x >= grid.size.x || coordinate.y >= grid.size.y || coordinate.z >= grid.size.z;
     if outside || level > 0 {
         return SURFEL_GRID_NOWHERE;
     }
@@ -300,11 +299,7 @@ mod tests {
         for level in levels.x..levels.x + levels.y {
             let range = surfel_grid_range(s, level, grid);
             for k in 0..surfel_grid_count(range) {
-                found.push(surfel_grid_slot(
-                    surfel_grid_cell(range, k),
-                    level,
-                    grid,
-                ));
+                found.push(surfel_grid_slot(surfel_grid_cell(range, k), level, grid));
             }
         }
         found
@@ -337,9 +332,10 @@ mod tests {
         let mut grid = hashed(true);
         grid.origin = Vec3::ZERO;
         let level = |x: f32| surfel_grid_level(Vec3::new(0.0, -x, 0.0), grid);
-        assert_eq!([0.0, 3.99, 4.0, 7.99, 8.0, 16.0, 1e12].map(level), [
-            0, 0, 1, 1, 2, 3, 16
-        ]);
+        assert_eq!(
+            [0.0, 3.99, 4.0, 7.99, 8.0, 16.0, 1e12].map(level),
+            [0, 0, 1, 1, 2, 3, 16]
+        );
         assert_eq!(surfel_grid_level(Vec3::splat(1e9), hashed(false)), 0);
         let p = Vec3::new(5.3, -5.3, 0.6);
         assert_eq!(

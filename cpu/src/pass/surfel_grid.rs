@@ -246,10 +246,7 @@ mod tests {
                 let at = pass.firsts()[slot] as usize;
                 if n > 0 {
                     assert_eq!(n, roomy.counts()[slot] as usize);
-                    assert_eq!(
-                        pass.entries()[at..at + n],
-                        roomy.entries()[at..at + n]
-                    );
+                    assert_eq!(pass.entries()[at..at + n], roomy.entries()[at..at + n]);
                 }
             }
         }

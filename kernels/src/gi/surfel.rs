@@ -156,9 +156,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         a.dot(b).clamp(0.0, 1.0).powi(2)
     }
     fn exact_weight(surfel: WideSurfel, point: DVec3, normal: DVec3) -> f64 {
-        if exact_sound(surfel) == 0
-            || !finite(point, SURFEL_LARGEST.into())
-            || !finite(normal, 2.0)
+        if exact_sound(surfel) == 0 || !finite(point, SURFEL_LARGEST.into()) || !finite(normal, 2.0)
         {
             return 0.0;
         }
@@ -268,12 +266,14 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         .bit_exact()
         .by_analysis(NOT_A_NUMBER)
         .hard([(good,), (disc(0.5, Vec3::ZERO),)])
-        .hard([0.0, -1.0, f32::NAN, f32::INFINITY, 1e-30, 1e30, 1e-9, 1e9].map(|r| {
-            (disc(r, tilted),)
-        }))
-        .hard([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e20].map(|b| {
-            (disc(0.5, Vec3::new(0.6, b, 0.8)),)
-        }))
+        .hard(
+            [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-30, 1e30, 1e-9, 1e9]
+                .map(|r| (disc(r, tilted),)),
+        )
+        .hard(
+            [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e20]
+                .map(|b| (disc(0.5, Vec3::new(0.6, b, 0.8)),)),
+        )
         .hard([f32::NAN, f32::INFINITY, 1e20].map(|b| {
             let position = Vec3::new(0.0, 0.0, b);
             (Surfel { position, ..good },)
@@ -328,7 +328,10 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         )
         .few_ulp(4.0, 12.0)
         .hard(
-            [0.0, -0.0, 1.0, 0.99999994, 1e-30, 0.5, 0.25, 1e6, -1e-7, 3e38].map(|m| (m,)),
+            [
+                0.0, -0.0, 1.0, 0.99999994, 1e-30, 0.5, 0.25, 1e6, -1e-7, 3e38,
+            ]
+            .map(|m| (m,)),
         )
         .fixture(FIXTURE, vec![0])
         .source(CHAPTER)
@@ -414,14 +417,8 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         )
         .few_ulp(8.0, 24.0)
         .hard(
-            [
-                (0.0, 1.0),
-                (-1.0, 1.0),
-                (1.0, 0.0),
-                (1.0, -1.0),
-                (1e6, 0.5),
-            ]
-            .map(|(d, c)| (d, c, camera(Vec3::X, Vec3::Y * 0.5))),
+            [(0.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (1.0, -1.0), (1e6, 0.5)]
+                .map(|(d, c)| (d, c, camera(Vec3::X, Vec3::Y * 0.5))),
         )
         .fixture(FIXTURE, vec![0])
         .source(CHAPTER)

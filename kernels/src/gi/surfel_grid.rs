@@ -72,9 +72,12 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         wrapped(cells(point, level, grid))
     }
     fn cells_open(cell: DVec3) -> bool {
+        cells_open_by(cell, 0.0)
+    }
+    fn cells_open_by(cell: DVec3, lost: f64) -> bool {
         cell.to_array()
             .into_iter()
-            .any(|x| (x - x.round()).abs() < 1e-6 * x.abs().max(1.0))
+            .any(|x| (x - x.round()).abs() < 1e-6 * x.abs().max(1.0) + lost)
     }
     fn exact_slot(c: UVec3, level: u32, (_, _, size, slots, _): WideGrid) -> u32 {
         if slots == 0 {
@@ -153,13 +156,13 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
     fn exact_cell((low, span): (UVec3, UVec3), index: u32) -> UVec3 {
         let (width, height) = (span.x.max(1), span.y.max(1));
         let row = index / width;
-        let step = UVec3::new(index - row * width, row - row / height * height, row / height);
+        let step = UVec3::new(
+            index - row * width,
+            row - row / height * height,
+            row / height,
+        );
         let sum = |a: u32, b: u32| (u64::from(a) + u64::from(b)).rem_euclid(1 << 32) as u32;
-        UVec3::new(
-            sum(low.x, step.x),
-            sum(low.y, step.y),
-            sum(low.z, step.z),
-        )
+        UVec3::new(sum(low.x, step.x), sum(low.y, step.y), sum(low.z, step.z))
     }
 
     let grids = || {
@@ -232,9 +235,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             level_open((p - grid.0).abs().max_element() * grid.4) && grid.1 != 1.0
         })
         .few_ulp(0.0, 0.0)
-        .hard(
-            [0.0, -3.999_999_8, 4.0, 8.0, -16.0, 1e15].map(|x| (Vec3::new(0.0, x, 0.0), hashed)),
-        )
+        .hard([0.0, -3.999_999_8, 4.0, 8.0, -16.0, 1e15].map(|x| (Vec3::new(0.0, x, 0.0), hashed)))
         .hard([(Vec3::splat(1e15), dense)])
         .fixture(FIXTURE, vec![0])
         .source(LEVELS)
@@ -347,8 +348,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             // Near cancels: open by what the distance rounds by.
             let lost = 1e-6 * (far + grid.4);
             exact_sound(s)
-                && (level_open(far)
-                    || level_of(near + lost) != level_of((near - lost).max(0.0)))
+                && (level_open(far) || level_of(near + lost) != level_of((near - lost).max(0.0)))
         })
         .few_ulp(0.0, 0.0)
         .hard(broken.map(|s| (s, hashed)))
@@ -371,7 +371,10 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         )
         .undecided(|s: WideSurfel, level: u32, grid: WideGrid| {
             let (low, high) = corners(s, level, grid);
-            cells_open(low) || cells_open(high)
+            // What the corners round by, in cells.
+            let size = s.0.abs().max_element() + s.1 + grid.0.abs().max_element();
+            let lost = 1e-6 * size * grid.1 / 2f64.powi(level as i32);
+            cells_open_by(low, lost) || cells_open_by(high, lost)
         })
         .few_ulp(0.0, 0.0)
         .hard([
