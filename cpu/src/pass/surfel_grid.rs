@@ -207,11 +207,11 @@ mod tests {
             let mut covered = 0;
             for i in 0..2000 {
                 let j = 1_000_000 + i * 3;
-                let p = Vec3::new(random(j), random(j + 1), random(j + 2)) * 4.0;
-                let ours = surfel_coverage(p, Vec3::Z, pass.list(p), |e| {
-                    surfels[pass.entry(e) as usize]
-                });
-                let all = surfel_coverage(p, Vec3::Z, UVec2::new(0, 900), |e| surfels[e as usize]);
+                let near = surfels[i as usize % 900];
+                let off = Vec3::new(random(j), random(j + 1), random(j + 2)) - 0.5;
+                let (p, n) = (near.position + off * 0.15, near.normal);
+                let ours = surfel_coverage(p, n, pass.list(p), |e| surfels[pass.entry(e) as usize]);
+                let all = surfel_coverage(p, n, UVec2::new(0, 900), |e| surfels[e as usize]);
                 assert_eq!(ours, all);
                 covered += u32::from(all > 0.0);
             }

@@ -325,7 +325,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             exact_extent,
             (surfels(), grids()),
         )
-        .few_ulp(5.0, 12.0)
+        .few_ulp(3.5, 11.5)
         .hard([
             (disc(Vec3::ZERO, 1.0, Vec3::Z), hashed),
             (disc(Vec3::splat(-1e6), 1e-3, Vec3::X), hashed),
