@@ -1,7 +1,7 @@
 //! The widest vector instructions that the machine has, chosen when it runs.
 //!
 //! A build for x86-64 in general may only use vectors of four numbers. Loops
-//! that run under [`run`] are compiled for wider ones too. All levels give the
+//! that run under `run` are compiled for wider ones too. All levels give the
 //! same bits: each operation is rounded for itself, and nothing is fused.
 //!
 //! Beside the traversal (`pass/bvh8`), which is written in vector instructions,

@@ -52,7 +52,7 @@ pub struct Recipe {
     pub cap: f32,
     /// Whether it is clamped to mean ± deviation of 5 × 5 pixels.
     pub clamp: bool,
-    /// Whether the variance comes from plain moments, E[x²] - E[x]².
+    /// Whether the variance comes from plain moments, `E[x²] - E[x]²`.
     pub plain: bool,
     /// Whether the passes are guided by the variance of the mean over time
     /// rather than, as in the paper, that of a sample.

@@ -498,7 +498,7 @@ mod tests {
             assert!(mixed.x >= 2.0 && mixed.x <= 3.0 && mixed.y == mixed.x);
             // What is not finite is left out, whatever its place.
             let some = |j: u32| {
-                if j % 3 == 0 {
+                if j.is_multiple_of(3) {
                     Vec3::new(f32::NAN, f32::INFINITY, 0.0)
                 } else {
                     Vec3::ONE

@@ -4,7 +4,7 @@
 //! `svgf_atrous_pixel` (three channels) or `svgf_atrous_scalar_pixel` (one),
 //! whose source says what is computed; here is only how:
 //!
-//! - Pixels are worked on in blocks of [`LANES`], a tap's weight in short loops
+//! - Pixels are worked on in blocks of `LANES`, a tap's weight in short loops
 //!   over the block, so that the processor has many independent operations at
 //!   hand. Rows are padded by what the widest pass reaches, and pixels that are
 //!   no data have a mask of 0: the loops have no branch, and where a block and
