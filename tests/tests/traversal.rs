@@ -379,7 +379,7 @@ fn twins_agree() {
 fn wide_levels_agree() {
     let mut sets: Vec<(Subject, Vec<Ray>)> = all(number(1_000, 50_000))
         .into_iter()
-        .chain(across_a_lattice(number(1_000, 50_000)))
+        .chain(across_a_lattice(number(20_000, 50_000)))
         .map(|f| (subject(&f.name, &f.mesh), f.rays))
         .collect();
     let rooms = scene_subject("kitchen", &kitchen().unwrap_or_else(|e| panic!("{e}")));
