@@ -73,7 +73,7 @@ pub(super) struct Engines<'a> {
     /// Whether Embree was found.
     pub embree: bool,
     /// Ours on adapters.
-    pub gpu: Vec<Traversal<'a>>,
+    pub(super) gpu: Vec<Traversal<'a>>,
 }
 
 /// Names of the generated meshes.
