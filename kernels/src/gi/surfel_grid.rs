@@ -54,10 +54,10 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
     fn exact_level(point: DVec3, (origin, _, _, _, reach): WideGrid) -> u32 {
         level_of((point - origin).abs().max_element() * reach)
     }
-    // A power of two, where a rounding error changes the level.
+    // A power of two from 1 on, where a rounding error changes the level.
     fn level_open(far: f64) -> bool {
         let log = far.max(0.25).log2();
-        (log - log.round()).abs() < 1e-6 && log < 20.0
+        (log - log.round()).abs() < 1e-6 && log > -0.5 && log < 20.0
     }
     fn cells(point: DVec3, level: u32, (origin, inverse, ..): WideGrid) -> DVec3 {
         let most = DVec3::splat(SURFEL_GRID_FAR.into());
