@@ -56,6 +56,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/math/trig.md")]
 #[doc = include_str!("../../docs/math/vector.md")]
 #[doc = include_str!("../../docs/pass/bvh8.md")]
+#[doc = include_str!("../../docs/pass/image.md")]
 #[doc = include_str!("../../docs/random/halton.md")]
 #[doc = include_str!("../../docs/random/pcg.md")]
 #[doc = include_str!("../../docs/ray/aabb.md")]

@@ -1,8 +1,10 @@
 //! Every WGSL file is what it promises to be: plain, importable, portable.
 
 use naga::back::{glsl, hlsl, msl, spv};
-use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use raytwin::wgsl::{MODULES, Module};
+use naga::valid::{
+    Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
+};
+use raytwin::wgsl::{Images, MODULES, Module, Pass};
 
 /// One line that keeps every function of the module alive: back ends drop what
 /// no entry point reaches, so the entry point calls them all.
@@ -79,6 +81,64 @@ fn each_module(check: impl Fn(&Module) -> Result<(), String>) {
 #[test]
 fn every_module_validates_with_its_dependencies_alone() {
     each_module(|m| validated(&complete_source(m)).map(drop));
+}
+
+/// Each of the passes over each kind of image is a whole program, and back ends
+/// take it.
+#[test]
+fn every_pass_translates_over_all_images() {
+    let mut failures = Vec::new();
+    for pass in raytwin::wgsl::PASSES {
+        for images in [Images::Buffers, Images::Textures16, Images::Textures32] {
+            if let Err(e) = translated_pass(pass, images) {
+                failures.push(format!("{} over {images:?}: {e}", pass.name));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+fn translated_pass(pass: &Pass, images: Images) -> Result<(), String> {
+    let source = raytwin::wgsl::link_pass(pass.name, images).map_err(|e| e.to_string())?;
+    let module = naga::front::wgsl::parse_str(&source).map_err(|e| e.emit_to_string(&source))?;
+    let (capabilities, subgroups) = if pass.subgroups {
+        (Capabilities::SUBGROUP, SubgroupOperationSet::all())
+    } else {
+        (Capabilities::empty(), SubgroupOperationSet::empty())
+    };
+    let info = Validator::new(ValidationFlags::all(), capabilities)
+        .subgroup_stages(ShaderStages::COMPUTE)
+        .subgroup_operations(subgroups)
+        .validate(&module)
+        .map_err(|e| e.emit_to_string(&source))?;
+    if module.entry_points.is_empty() {
+        return Err("there is no entry point".into());
+    }
+    spv::write_vec(&module, &info, &spv::Options::default(), None)
+        .map_err(|e| format!("SPIR-V: {e}"))?;
+    msl::write_string(
+        &module,
+        &info,
+        &msl::Options {
+            lang_version: (2, 1),
+            fake_missing_bindings: true,
+            ..Default::default()
+        },
+        &msl::PipelineOptions::default(),
+    )
+    .map_err(|e| format!("MSL: {e}"))?;
+    hlsl::Writer::new(
+        &mut String::new(),
+        &hlsl::Options {
+            fake_missing_bindings: true,
+            shader_model: hlsl::ShaderModel::V6_0,
+            ..Default::default()
+        },
+        &hlsl::PipelineOptions::default(),
+    )
+    .write(&module, &info, None)
+    .map_err(|e| format!("HLSL: {e}"))?;
+    Ok(())
 }
 
 #[test]
@@ -285,8 +345,20 @@ fn names_are_unique_over_the_whole_kit_and_importable() {
 fn all_modules_link_into_one_program() {
     let names: Vec<_> = MODULES.iter().map(|m| m.name).collect();
     let mut source = raytwin::wgsl::link(&names).expect("registered names link");
+    let linked = source.clone();
     for m in MODULES {
         source += m.bindings.unwrap_or_default();
+    }
+    if let Err(message) = validated(&source) {
+        panic!("{message}");
+    }
+    // The same with textures where there are some.
+    let mut source = linked;
+    for m in MODULES {
+        source += match m.textures {
+            Some(textures) => textures.source,
+            None => m.bindings.unwrap_or_default(),
+        };
     }
     if let Err(message) = validated(&source) {
         panic!("{message}");

@@ -15,8 +15,10 @@
 //! ```
 //!
 //! A module that reads scene data does so through small functions which you
-//! define ([`Module::callbacks`]); ready storage-buffer bindings lie beside it
-//! ([`Module::bindings`]).
+//! define ([`Module::callbacks`]); ready bindings lie beside it, over storage
+//! buffers ([`Module::bindings`]) and for filters over textures
+//! ([`Module::textures`]). [`link_pass`] adds the entry points of a filter and
+//! gives a whole program.
 
 use std::fmt;
 
@@ -31,12 +33,53 @@ pub struct Module {
     pub requires: &'static [&'static str],
     /// Functions that the program must define for it, as WGSL signatures.
     pub callbacks: &'static [&'static str],
-    /// Ready bindings that define those functions over storage buffers.
+    /// Ready bindings that define those functions over storage buffers. For a
+    /// filter also what its pass reads and writes besides.
     pub bindings: Option<&'static str>,
+    /// The same over textures.
+    pub textures: Option<Textures>,
+}
+
+/// Ready bindings over textures. Storage textures are written `rgba16float`;
+/// [`Images::Textures32`] makes them `rgba32float`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Textures {
+    /// The text.
+    pub source: &'static str,
+    /// Modules that it uses besides those that the filter requires.
+    pub requires: &'static [&'static str],
+}
+
+/// Compute entry points of a filter, over any of its ready bindings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pass {
+    /// What [`link_pass`] knows it by.
+    pub name: &'static str,
+    /// The module that it runs.
+    pub module: &'static str,
+    /// Modules that it uses besides.
+    pub requires: &'static [&'static str],
+    /// The text: a uniform and entry points.
+    pub source: &'static str,
+    /// Whether it needs subgroup operations. (Browsers want `enable subgroups;`
+    /// before the program; naga 30 does not take that line.)
+    pub subgroups: bool,
+}
+
+/// Where the images of a pass are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Images {
+    /// In storage buffers, row by row, 32 bits a number.
+    Buffers,
+    /// In textures; results of several channels in `rgba16float`.
+    Textures16,
+    /// In textures; results of several channels in `rgba32float`.
+    Textures32,
 }
 
 /// Compute passes over whole images: entry points with their bindings, to be
-/// appended to the linked module of the same name.
+/// appended to the linked module of the same name. Those in [`PASSES`] have
+/// their images bound by [`link_pass`].
 pub mod pass {
     /// `gi/surfel_grid`: the lists of all cells.
     pub const SURFEL_GRID: &str = include_str!("gi/surfel_grid.pass.wgsl");
@@ -63,11 +106,14 @@ pub struct LinkError {
 
 impl fmt::Display for LinkError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no WGSL module is named `{}`", self.module)?;
+        write!(f, "no WGSL module or pass is named `{}`", self.module)?;
         if let Some(by) = self.required_by {
             write!(f, ", which `{by}` requires")?;
         }
-        write!(f, "; raytwin_wgsl::MODULES lists those that exist")
+        write!(
+            f,
+            "; raytwin_wgsl::MODULES and PASSES list those that exist"
+        )
     }
 }
 
@@ -124,12 +170,63 @@ pub fn link(names: &[&str]) -> Result<String, LinkError> {
         .join("\n"))
 }
 
-/// The registry: `NAME "file" [requires]`, and for a module that calls back
-/// `{ signatures } "bindings file"`.
+/// The pass of this name, if there is one.
+#[must_use]
+pub fn find_pass(name: &str) -> Option<&'static Pass> {
+    PASSES.iter().find(|p| p.name == name)
+}
+
+/// A whole program: the pass of this name in [`PASSES`] with its entry points,
+/// everything that it requires, and the ready bindings of all that.
+///
+/// ```
+/// use raytwin_wgsl::{Images, link_pass};
+/// let source = link_pass("temporal/taa", Images::Textures16)?;
+/// assert!(source.contains("fn taa_pass_main("));
+/// # Ok::<(), raytwin_wgsl::LinkError>(())
+/// ```
+///
+/// # Errors
+/// If there is no pass of that name.
+pub fn link_pass(name: &str, images: Images) -> Result<String, LinkError> {
+    let pass = find_pass(name).ok_or_else(|| LinkError {
+        module: name.into(),
+        required_by: None,
+    })?;
+    let mut names = vec![pass.module];
+    names.extend(pass.requires);
+    let mut modules = linked(&names)?;
+    let mut bindings = String::new();
+    for module in modules.clone() {
+        match (images, module.textures) {
+            (Images::Buffers, _) | (_, None) => bindings += module.bindings.unwrap_or_default(),
+            (_, Some(textures)) => {
+                bindings += textures.source;
+                names.extend(textures.requires);
+            }
+        }
+    }
+    if images == Images::Textures32 {
+        bindings = bindings
+            .replace("rgba16float", "rgba32float")
+            .replace("65504.0", "3.4028234e38");
+    }
+    modules = linked(&names)?;
+    let sources = modules.iter().map(|m| m.source);
+    Ok(sources
+        .chain([bindings.as_str(), pass.source])
+        .collect::<Vec<_>>()
+        .join("\n"))
+}
+
+/// The registry: `NAME "file" [requires]`, for a module that calls back or has
+/// a pass `{ signatures } "bindings files"`, and for one that can read textures
+/// `textures "files" [what they require]`.
 macro_rules! modules {
     ($($(#[$doc:meta])* $group:ident { $(
         $const:ident $name:literal [$($need:literal),*]
-        $({ $($callback:literal),+ } $bindings:literal)?;
+        $({ $($callback:literal),* } $($bindings:literal)+)?
+        $(textures $($textures:literal)+ [$($texture_need:literal),*])?;
     )* })*) => {
         $(
             $(#[$doc])*
@@ -145,14 +242,40 @@ macro_rules! modules {
             name: concat!(stringify!($group), "/", $name),
             source: $group::$const,
             requires: &[$($need),*],
-            callbacks: &[$($($callback),+)?],
-            bindings: modules!(@bindings $($group $bindings)?),
+            callbacks: &[$($($callback),*)?],
+            bindings: modules!(@bindings $($group $($bindings)+)?),
+            textures: modules!(@textures $($group [$($texture_need),*] $($textures)+)?),
         }),*),*];
     };
     (@bindings) => { None };
-    (@bindings $group:ident $file:literal) => {
-        Some(include_str!(concat!(stringify!($group), "/", $file)))
+    (@bindings $group:ident $($file:literal)+) => {
+        Some(concat!($(include_str!(concat!(stringify!($group), "/", $file))),+))
     };
+    (@textures) => { None };
+    (@textures $group:ident [$($need:literal),*] $($file:literal)+) => {
+        Some(Textures {
+            source: concat!($(include_str!(concat!(stringify!($group), "/", $file))),+),
+            requires: &[$($need),*],
+        })
+    };
+}
+
+/// The passes: `"name" = "module" [requires] "files"`, with `subgroups`
+/// where they are needed.
+macro_rules! passes {
+    ($($name:literal = $module:literal [$($need:literal),*]
+        $($file:literal)+ $(, $subgroups:ident)?;)*) => {
+        /// Every pass that runs over any of the ready bindings.
+        pub static PASSES: &[Pass] = &[$(Pass {
+            name: $name,
+            module: $module,
+            requires: &[$($need),*],
+            source: concat!($(include_str!($file)),+),
+            subgroups: passes!(@subgroups $($subgroups)?),
+        }),*];
+    };
+    (@subgroups) => { false };
+    (@subgroups subgroups) => { true };
 }
 
 modules! {
@@ -180,35 +303,43 @@ modules! {
             {
                 "fn bilateral_upsample_read_surface(pixel: vec2u) -> BilateralUpsampleSurface",
                 "fn bilateral_upsample_read_tap(at: vec2u) -> BilateralUpsampleTap"
-            } "bilateral_upsample.bindings.wgsl";
+            } "bilateral_upsample.bindings.wgsl"
+            textures "bilateral_upsample.textures.wgsl" ["math/octahedral", "ray/camera"];
         BILATERAL_VARIANCE "bilateral_variance" ["math/exponent", "math/trig", "math/vector"]
             {
                 "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"
-            } "bilateral_variance.bindings.wgsl";
+            } "bilateral_variance.bindings.wgsl"
+            textures "bilateral_variance.textures.wgsl" ["math/octahedral", "math/sanitize", "ray/camera"];
         FIREFLY "firefly" ["math/sanitize"]
             {
                 "fn firefly_read(at: vec2u) -> vec3f"
-            } "firefly.bindings.wgsl";
+            } "firefly.bindings.wgsl"
+            textures "firefly.textures.wgsl" [];
         PACKED_VISIBILITY "packed_visibility" []
             {
                 "fn packed_visibility_read(block: vec2u) -> u32",
                 "fn packed_visibility_read_row(pixel: vec2u) -> u32"
-            } "packed_visibility.bindings.wgsl";
+            } "packed_visibility.bindings.wgsl" "packed_visibility.ballot.wgsl"
+            textures "packed_visibility.textures.wgsl" "packed_visibility.ballot.wgsl" [];
         SEPARABLE_BLUR "separable_blur" ["math/exponent", "math/sanitize", "math/vector"]
             {
                 "fn separable_blur_read(at: vec2u) -> SeparableBlurPixel"
-            } "separable_blur.bindings.wgsl";
+            } "separable_blur.bindings.wgsl"
+            textures "separable_blur.textures.wgsl" ["math/octahedral", "ray/camera"];
         SPATIAL_RECONSTRUCT "spatial_reconstruct" ["math/trig", "math/vector"]
             {
                 "fn spatial_reconstruct_read_hit(at: vec2u) -> SpatialReconstructHit",
                 "fn spatial_reconstruct_weight(pixel: vec2u, at: vec2u, hit: SpatialReconstructHit) -> f32"
-            } "spatial_reconstruct.bindings.wgsl";
+            } "spatial_reconstruct.bindings.wgsl" "spatial_reconstruct.weight.wgsl"
+            textures "spatial_reconstruct.textures.wgsl" "spatial_reconstruct.weight.wgsl"
+                ["math/octahedral", "math/sanitize", "ray/camera"];
         SVGF "svgf" ["math/exponent", "math/luminance", "math/vector"]
             {
                 "fn svgf_read_surface(at: vec2u) -> SvgfSurface",
                 "fn svgf_read_color(at: vec2u) -> SvgfColor",
                 "fn svgf_read_scalar(at: vec2u) -> SvgfScalar"
-            } "svgf.bindings.wgsl";
+            } "svgf.bindings.wgsl"
+            textures "svgf.textures.wgsl" ["math/octahedral", "math/sanitize", "ray/camera"];
         TILES "tiles" []
             {
                 "fn tiles_read_pixel(at: vec2u) -> u32",
@@ -263,7 +394,8 @@ modules! {
     }
     /// Filters over time.
     temporal {
-        ACCUMULATE "accumulate" ["math/luminance"];
+        ACCUMULATE "accumulate" ["math/luminance"] { } "accumulate.bindings.wgsl"
+            textures "accumulate.textures.wgsl" [];
         MULTISCALE_MEAN "multiscale_mean" [];
         REPROJECT "reproject" [
             "math/exponent", "math/luminance", "math/sanitize", "math/vector", "ray/camera"
@@ -272,17 +404,47 @@ modules! {
                 "fn reproject_read_surface(at: vec2u) -> ReprojectSurface",
                 "fn reproject_read_prior(at: vec2u) -> ReprojectSurface",
                 "fn reproject_read_history(at: vec2u) -> ReprojectHistory"
-            } "reproject.bindings.wgsl";
+            } "reproject.bindings.wgsl"
+            textures "reproject.textures.wgsl" ["math/octahedral"];
         TAA "taa" ["math/sanitize"]
             {
                 "fn taa_read(at: vec2u) -> vec3f"
-            } "taa.bindings.wgsl";
+            } "taa.bindings.wgsl"
+            textures "taa.textures.wgsl" [];
         VARIANCE_CLAMP "variance_clamp" []
             {
                 "fn variance_clamp_read(at: vec2u) -> vec3f"
-            } "variance_clamp.bindings.wgsl";
-        VISIBILITY_CLAMP "visibility_clamp" ["filter/packed_visibility"];
+            } "variance_clamp.bindings.wgsl"
+            textures "variance_clamp.textures.wgsl" [];
+        VISIBILITY_CLAMP "visibility_clamp" ["filter/packed_visibility"]
+            { } "visibility_clamp.bindings.wgsl"
+            textures "visibility_clamp.textures.wgsl" [];
     }
+}
+
+passes! {
+    "filter/bilateral_upsample" = "filter/bilateral_upsample" []
+        "filter/bilateral_upsample.pass.wgsl";
+    "filter/bilateral_variance" = "filter/bilateral_variance" ["random/pcg"]
+        "filter/bilateral_variance.pass.wgsl";
+    "filter/firefly" = "filter/firefly" [] "filter/firefly.pass.wgsl";
+    "filter/packed_visibility" = "filter/packed_visibility" []
+        "filter/packed_visibility.pass.wgsl";
+    "filter/packed_visibility_subgroups" = "filter/packed_visibility" []
+        "filter/packed_visibility.pass.wgsl" "filter/packed_visibility.pass_subgroups.wgsl",
+        subgroups;
+    "filter/separable_blur" = "filter/separable_blur" [] "filter/separable_blur.pass.wgsl";
+    "filter/spatial_reconstruct" = "filter/spatial_reconstruct" ["random/pcg"]
+        "filter/spatial_reconstruct.pass.wgsl";
+    "filter/svgf" = "filter/svgf" [] "filter/svgf.pass.wgsl";
+    "temporal/accumulate" = "temporal/accumulate" [] "temporal/accumulate.pass.wgsl";
+    "temporal/reproject" = "temporal/reproject" ["temporal/variance_clamp"]
+        "temporal/reproject.pass.wgsl";
+    "temporal/taa" = "temporal/taa" [] "temporal/taa.pass.wgsl";
+    "temporal/variance_clamp" = "temporal/variance_clamp" []
+        "temporal/variance_clamp.pass.wgsl";
+    "temporal/visibility_clamp" = "temporal/visibility_clamp" []
+        "temporal/visibility_clamp.pass.wgsl";
 }
 
 #[cfg(test)]

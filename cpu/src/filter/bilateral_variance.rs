@@ -30,6 +30,12 @@ const GOLDEN: u32 = 2_654_435_769;
 /// log2 e.
 const LOG2_E: f32 = 1.442695;
 
+/// Bits of 2^60, from where on a channel is none.
+const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2^120, from where on a variance is none.
+const BILATERAL_VARIANCE_BITS: u32 = 0x7b80_0000;
+
 /// What the filter knows of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -55,6 +61,17 @@ pub struct BilateralVariancePixel {
 #[must_use]
 pub fn bilateral_variance_square(color: Vec3) -> f32 {
     (0.2126 * (color.x * color.x) + 0.7152 * (color.y * color.y)) + 0.0722 * (color.z * color.z)
+}
+
+/// 1 if every channel is a number of magnitude below 2^60, else 0: NaN,
+/// infinity and what squares to infinity are no colours. Compares bit patterns.
+/// Exact.
+#[inline]
+#[must_use]
+pub fn bilateral_variance_usable(color: Vec3) -> u32 {
+    u32::from((color.x.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
+        & u32::from((color.y.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
+        & u32::from((color.z.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
 }
 
 /// Weighted mean of two numbers `>= 0`, never outside them.
@@ -159,6 +176,10 @@ pub fn bilateral_variance_weight(
 /// The result lies between its inputs, channel by channel; no variance or no
 /// surface: the pixel's own value, untouched.
 ///
+/// A colour that is none ([`bilateral_variance_usable`]) weighs nothing and is
+/// filled from within `max_radius`, by geometry alone; black where nothing is
+/// there. A variance that is not finite counts as 0.
+///
 /// In WGSL `read` is a function that the program defines.
 ///
 /// Error analysis: a convex combination of at most `max_taps` colours, so the
@@ -180,11 +201,28 @@ where
         return Vec3::ZERO;
     }
     let centre = read(pixel);
-    let square = bilateral_variance_square(centre.color);
-    let radius = bilateral_variance_radius(centre.variance, square, max_radius);
-    let taps = bilateral_variance_taps(radius, max_taps);
     let mut color = centre.color;
+    // A variance that is none (by bits: NaN has the largest) counts as 0.
+    let mut variance = if centre.variance.to_bits() < BILATERAL_VARIANCE_BITS {
+        centre.variance
+    } else {
+        0.0
+    };
+    let mut radius = bilateral_variance_radius(
+        variance,
+        bilateral_variance_square(centre.color),
+        max_radius,
+    );
     let mut sum = 1.0;
+    let sound = bilateral_variance_usable(centre.color) != 0;
+    if !sound {
+        // Its neighbours fill it, by geometry alone.
+        color = Vec3::ZERO;
+        variance = 1.0;
+        radius = max_radius;
+        sum = 0.0;
+    }
+    let taps = bilateral_variance_taps(radius, max_taps);
     let mut i = 1;
     while i <= taps {
         let offset = bilateral_variance_offset(i, taps, radius, turn);
@@ -195,21 +233,29 @@ where
             continue;
         }
         let tap = read(UVec2::new(x as u32, y as u32));
-        if tap.reach <= 0.0 {
+        if tap.reach <= 0.0 || bilateral_variance_usable(tap.color) == 0 {
             continue;
         }
         let to = tap.position - centre.position;
-        let difference = tap.color - centre.color;
+        let difference = if sound {
+            tap.color - centre.color
+        } else {
+            Vec3::ZERO
+        };
         let w = bilateral_variance_weight(
             centre.normal,
             tap.normal,
             to,
             centre.reach,
             difference,
-            centre.variance,
+            variance,
         );
         if w <= 0.0 {
             continue;
+        }
+        // The first of a broken pixel, exactly.
+        if sum <= 0.0 {
+            color = tap.color;
         }
         let total = sum + w;
         color = Vec3::new(

@@ -30,6 +30,10 @@ pub const SPATIAL_RECONSTRUCT_WEIGHT_MIN: f32 = 1e-9;
 /// Golden ratio less one, in units of 2^-32.
 const GOLDEN: u32 = 2_654_435_769;
 
+/// Bits of infinity, and of 2^60, from where on a channel is none.
+const INFINITY_BITS: u32 = 0x7f80_0000;
+const RADIANCE_BITS: u32 = 0x5d80_0000;
+
 /// A half-resolution hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -138,6 +142,19 @@ pub fn spatial_reconstruct_edge(normal: Vec3, other_normal: Vec3, offset: Vec3, 
     let c_2 = c * c;
     let c_4 = c_2 * c_2;
     (c_4 * c_4) * (1.0 - plane / reach)
+}
+
+/// 1 if weight and density are numbers and every channel is one of magnitude
+/// below 2^60, else 0: NaN, infinity and what squares to infinity say nothing.
+/// Compares bit patterns. Exact.
+#[inline]
+#[must_use]
+pub fn spatial_reconstruct_usable(weight: f32, pdf: f32, radiance: Vec3) -> u32 {
+    u32::from((weight.to_bits() & 0x7fff_ffff) < INFINITY_BITS)
+        & u32::from((pdf.to_bits() & 0x7fff_ffff) < INFINITY_BITS)
+        & u32::from((radiance.x.to_bits() & 0x7fff_ffff) < RADIANCE_BITS)
+        & u32::from((radiance.y.to_bits() & 0x7fff_ffff) < RADIANCE_BITS)
+        & u32::from((radiance.z.to_bits() & 0x7fff_ffff) < RADIANCE_BITS)
 }
 
 /// The weight of a hit: the pixel's `f cos` for its direction over the density
@@ -257,7 +274,8 @@ pub fn spatial_reconstruct_finish(
 /// gives the hit of a half-resolution pixel, always inside `size`;
 /// `weight(pixel, at, hit)` the pixel's `f cos` toward that hit, times any edge
 /// weight ([`spatial_reconstruct_edge`]). Without any weight the result is the
-/// own hit's radiance.
+/// own hit's radiance. A hit that is none ([`spatial_reconstruct_usable`])
+/// counts nowhere.
 ///
 /// In WGSL the two callbacks are functions that the program defines.
 ///
@@ -285,12 +303,10 @@ where
     }
     let own = UVec2::new((pixel.x / 2).min(size.x - 1), (pixel.y / 2).min(size.y - 1));
     let centre = read_hit(own);
-    state = spatial_reconstruct_add(
-        state,
-        weight(pixel, own, centre),
-        centre.pdf,
-        centre.radiance,
-    );
+    let own_weight = weight(pixel, own, centre);
+    if spatial_reconstruct_usable(own_weight, centre.pdf, centre.radiance) != 0 {
+        state = spatial_reconstruct_add(state, own_weight, centre.pdf, centre.radiance);
+    }
     let end = count.min(SPATIAL_RECONSTRUCT_MAX);
     let mut i = 1;
     while i < end {
@@ -303,9 +319,16 @@ where
         }
         let at = UVec2::new(x as u32, y as u32);
         let hit = read_hit(at);
-        state = spatial_reconstruct_add(state, weight(pixel, at, hit), hit.pdf, hit.radiance);
+        let hit_weight = weight(pixel, at, hit);
+        if spatial_reconstruct_usable(hit_weight, hit.pdf, hit.radiance) != 0 {
+            state = spatial_reconstruct_add(state, hit_weight, hit.pdf, hit.radiance);
+        }
     }
-    spatial_reconstruct_finish(state, centre.radiance)
+    let mut fallback = centre.radiance;
+    if spatial_reconstruct_usable(0.0, 0.0, fallback) == 0 {
+        fallback = Vec3::ZERO;
+    }
+    spatial_reconstruct_finish(state, fallback)
 }
 
 #[cfg(test)]

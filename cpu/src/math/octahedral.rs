@@ -7,6 +7,9 @@ use glam::{Vec2, Vec3};
 
 use super::vector::vec3_normalize;
 
+/// 1/32767.
+const OCTAHEDRAL_SNORM: f32 = 3.051_850_9e-5;
+
 /// Maps a direction to the square `[-1, 1]²`.
 ///
 /// `n` need not be of unit length, but must not be zero and its components
@@ -49,6 +52,23 @@ pub fn octahedral_decode(p: Vec2) -> Vec3 {
         p.y + if p.y >= 0.0 { -t } else { t },
         z,
     ))
+}
+
+/// [`octahedral_decode`] of two 16-bit snorms, `x` in the low half: what WGSL's
+/// `pack2x16snorm(octahedral_encode(n))` gives.
+///
+/// WGSL's own `unpack2x16snorm` may be rounded as the implementation likes; this
+/// is the same everywhere but for the normalisation. -32768 counts as -32767.
+///
+/// Error analysis: a product with a rounded constant, 1 ULP, which the vector's
+/// length before it is normalised (1/√3 at least) can make 1.7 of the result;
+/// then that of [`octahedral_decode`].
+#[inline]
+#[must_use]
+pub fn octahedral_unpack(bits: u32) -> Vec3 {
+    let x = (((bits & 0xffff) ^ 0x8000) as f32 - 32768.0) * OCTAHEDRAL_SNORM;
+    let y = (((bits >> 16) ^ 0x8000) as f32 - 32768.0) * OCTAHEDRAL_SNORM;
+    octahedral_decode(Vec2::new(x.clamp(-1.0, 1.0), y.clamp(-1.0, 1.0)))
 }
 
 #[cfg(test)]

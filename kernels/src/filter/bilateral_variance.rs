@@ -213,6 +213,42 @@ fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel {
         .build(),
         Kernel::new(
             MODULE,
+            "bilateral_variance_usable",
+            ["color"],
+            bilateral_variance_usable,
+            |c: DVec3| u32::from(c.to_array().into_iter().all(|c| c.abs() < 2f64.powi(60))),
+            (domains::vec3(
+                domains::signed_log_range(1e-5, 1e5)
+                    .and(domains::below(32))
+                    .map(|(x, kind)| match kind {
+                        0 => f32::NAN,
+                        1 => f32::INFINITY,
+                        2 => -2e18,
+                        _ => x,
+                    }),
+            ),),
+        )
+        .bit_exact()
+        .by_analysis(
+            "WGSL defines no f32 parameter that holds a NaN, so no table covers this \
+             signature; the test itself is on bits and exact",
+        )
+        .hard(
+            [
+                Vec3::ZERO,
+                Vec3::new(f32::NAN, 0.0, 0.0),
+                Vec3::new(0.0, 0.0, f32::NEG_INFINITY),
+                Vec3::new(0.0, 1_152_921_504_606_846_976.0, 0.0),
+                Vec3::new(1.152_921_4e18, -1.152_921_4e18, 1e-30),
+                Vec3::splat(f32::from_bits(0x7f80_0001)),
+            ]
+            .map(|c| (c,)),
+        )
+        .fixture(FIXTURE, vec![0])
+        .source("ours: by bit pattern")
+        .build(),
+        Kernel::new(
+            MODULE,
             "bilateral_variance_radius",
             ["variance", "square", "max_radius"],
             bilateral_variance_radius,

@@ -341,6 +341,50 @@ fn baseline(pixel: vec2u, size: vec2u, count: u32, turn: f32) -> SpatialReconstr
         .build(),
         Kernel::new(
             MODULE,
+            "spatial_reconstruct_usable",
+            ["weight", "pdf", "radiance"],
+            spatial_reconstruct_usable,
+            |weight: f64, pdf: f64, radiance: DVec3| {
+                let channels = radiance.to_array();
+                let sound = channels.into_iter().all(|c| c.abs() < 2f64.powi(60));
+                u32::from(weight.is_finite() && pdf.is_finite() && sound)
+            },
+            {
+                let number = |broken| {
+                    domains::signed_log_range(1e-5, 1e5)
+                        .and(domains::below(64))
+                        .map(move |(x, kind)| match kind {
+                            0 => f32::NAN,
+                            1 => f32::INFINITY,
+                            2 => broken,
+                            _ => x,
+                        })
+                };
+                (number(1.0), number(-1.0), domains::vec3(number(-2e18)))
+            },
+        )
+        .bit_exact()
+        .by_analysis(
+            "WGSL defines no f32 parameter that holds a NaN, so no table covers this \
+             signature; the test itself is on bits and exact",
+        )
+        .hard([
+            (0.0, 0.0, Vec3::ZERO),
+            (f32::NAN, 1.0, Vec3::ONE),
+            (1.0, f32::NEG_INFINITY, Vec3::ONE),
+            (
+                f32::MAX,
+                f32::MAX,
+                Vec3::new(1.152_921_4e18, -1.152_921_4e18, 0.0),
+            ),
+            (1.0, 1.0, Vec3::new(0.0, 0.0, 1_152_921_504_606_846_976.0)),
+            (1.0, 1.0, Vec3::splat(f32::from_bits(0x7f80_0001))),
+        ])
+        .fixture(FIXTURE, vec![0])
+        .source("ours: by bit pattern")
+        .build(),
+        Kernel::new(
+            MODULE,
             "spatial_reconstruct_ratio",
             ["weight", "pdf"],
             spatial_reconstruct_ratio,

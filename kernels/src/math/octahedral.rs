@@ -90,5 +90,40 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         )
         .source(SOURCE)
         .build(),
+        Kernel::new(
+            "math/octahedral",
+            "octahedral_unpack",
+            ["bits"],
+            octahedral_unpack,
+            move |bits: u32| {
+                let snorm = |half: u32| (f64::from(half as u16 as i16) / 32767.0).max(-1.0);
+                let (x, y) = (snorm(bits), snorm(bits >> 16));
+                let z = 1.0 - x.abs() - y.abs();
+                let v = if z >= 0.0 {
+                    DVec3::new(x, y, z)
+                } else {
+                    DVec3::new((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y), z)
+                };
+                v.normalize()
+            },
+            (domains::any_u32(),),
+        )
+        .few_ulp(5.5, 19.0)
+        .scale(0.5)
+        .hard(
+            [
+                0x0000_0000,
+                0x7fff_7fff,
+                0x8001_8001,
+                0x8000_8000,
+                0x0000_8000,
+                0x3fff_4000,
+                0x7fff_0000,
+                0xffff_0001,
+            ]
+            .map(|bits| (bits,)),
+        )
+        .source(SOURCE)
+        .build(),
     ]
 }

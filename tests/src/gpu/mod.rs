@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 use std::sync::mpsc;
 
 pub(crate) use program::shader_module;
-pub use program::{Build, Program, ProgramError, shader_source};
+pub use program::{Build, Program, ProgramError, pass_module, shader_source};
 
 /// Names of the environment variables that choose adapters and drivers.
 pub const ADAPTER_VARIABLE: &str = "RAYTWIN_ADAPTER";
@@ -115,6 +115,8 @@ impl Gpu {
             && info.backend == wgpu::Backend::Vulkan;
         let mut features = wgpu::Features::empty();
         features.set(wgpu::Features::TIMESTAMP_QUERY, timestamps);
+        let subgroups = has.contains(wgpu::Features::SUBGROUP);
+        features.set(wgpu::Features::SUBGROUP, subgroups);
         features.set(wgpu::Features::PASSTHROUGH_SHADERS, precise);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("raytwin"),

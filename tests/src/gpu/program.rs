@@ -1,5 +1,7 @@
 //! A kernel's description as a compute pipeline.
 
+use std::collections::BTreeMap;
+
 use raytwin::contract::{Kernel, TypeInfo};
 
 use super::{Gpu, spirv};
@@ -292,6 +294,40 @@ pub(crate) fn shader_module(
     source: &str,
     build: Build,
 ) -> Result<wgpu::ShaderModule, ProgramError> {
+    entry_module(gpu, name, source, "raytwin_main", BTreeMap::new(), build)
+}
+
+/// A pass of the feature `gpu` in one of the two builds: give it to the pass's
+/// `with_compiler`.
+///
+/// # Errors
+/// If the program does not compile, or the adapter takes no SPIR-V.
+pub fn pass_module(
+    gpu: &Gpu,
+    program: &raytwin::pass::image::PassProgram<'_>,
+    build: Build,
+) -> Result<wgpu::ShaderModule, ProgramError> {
+    let places = (0..).zip(program.bindings).map(|(place, &binding)| {
+        let known = naga::ResourceBinding { group: 2, binding };
+        let seen = naga::back::spv::BindingInfo {
+            descriptor_set: 2,
+            binding: place,
+            binding_array_size: None,
+        };
+        (known, seen)
+    });
+    let name = program.entry;
+    entry_module(gpu, name, program.source, name, places.collect(), build)
+}
+
+fn entry_module(
+    gpu: &Gpu,
+    name: &str,
+    source: &str,
+    entry: &str,
+    places: naga::back::spv::BindingMap,
+    build: Build,
+) -> Result<wgpu::ShaderModule, ProgramError> {
     let shader_error = |message: String| ProgramError::Shader {
         kernel: name.into(),
         message,
@@ -317,16 +353,22 @@ pub(crate) fn shader_module(
             adapter: gpu.label(),
         });
     }
+    let entry = module
+        .entry_points
+        .iter()
+        .find(|e| e.name == entry)
+        .ok_or_else(|| shader_error(format!("there is no entry point `{entry}`")))?;
     let words = naga::back::spv::write_vec(
         &module,
         &info,
         &naga::back::spv::Options {
             lang_version: (1, 3),
+            binding_map: places,
             ..Default::default()
         },
         Some(&naga::back::spv::PipelineOptions {
             shader_stage: naga::ShaderStage::Compute,
-            entry_point: "raytwin_main".into(),
+            entry_point: entry.name.clone(),
         }),
     )
     .map_err(|e| shader_error(e.to_string()))?;
@@ -338,8 +380,8 @@ pub(crate) fn shader_module(
             .create_shader_module_passthrough(wgpu::ShaderModuleDescriptorPassthrough {
                 label: Some(name),
                 entry_points: std::borrow::Cow::Owned(vec![wgpu::PassthroughShaderEntryPoint {
-                    name: "raytwin_main".into(),
-                    workgroup_size: (WORKGROUP, 1, 1),
+                    name: entry.name.clone().into(),
+                    workgroup_size: entry.workgroup_size.into(),
                 }]),
                 spirv: Some(words.into()),
                 ..Default::default()

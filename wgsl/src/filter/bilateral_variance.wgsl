@@ -14,6 +14,10 @@ const BILATERAL_VARIANCE_NORMAL: f32 = 64.0;
 const BILATERAL_VARIANCE_COLOR: f32 = 16.0;
 // Golden ratio less one, in units of 2^-32.
 const BILATERAL_VARIANCE_GOLDEN: u32 = 2654435769u;
+// Bits of 2^60, from where on a channel is none.
+const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d800000u;
+// Bits of 2^120, from where on a variance is none.
+const BILATERAL_VARIANCE_BITS: u32 = 0x7b800000u;
 // log2 e.
 const BILATERAL_VARIANCE_LOG2_E: f32 = 1.442695;
 
@@ -37,6 +41,14 @@ struct BilateralVariancePixel {
 fn bilateral_variance_square(color: vec3f) -> f32 {
     return (0.2126 * (color.x * color.x) + 0.7152 * (color.y * color.y))
         + 0.0722 * (color.z * color.z);
+}
+
+// 1 if every channel is a number of magnitude below 2^60, else 0.
+fn bilateral_variance_usable(color: vec3f) -> u32 {
+    let bits = bitcast<vec3u>(color);
+    return select(0u, 1u, (bits.x & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS)
+        & select(0u, 1u, (bits.y & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS)
+        & select(0u, 1u, (bits.z & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS);
 }
 
 // Weighted mean of two numbers >= 0, never outside them.
@@ -121,11 +133,27 @@ fn bilateral_variance_pixel(
         return vec3f(0.0, 0.0, 0.0);
     }
     let centre = bilateral_variance_read(pixel);
-    let square = bilateral_variance_square(centre.color);
-    let radius = bilateral_variance_radius(centre.variance, square, max_radius);
-    let taps = bilateral_variance_taps(radius, max_taps);
     var color = centre.color;
+    // A variance that is none (by bits: NaN has the largest) counts as 0.
+    var variance = 0.0;
+    if bitcast<u32>(centre.variance) < BILATERAL_VARIANCE_BITS {
+        variance = centre.variance;
+    }
+    var radius = bilateral_variance_radius(
+        variance,
+        bilateral_variance_square(centre.color),
+        max_radius,
+    );
     var sum = 1.0;
+    let sound = bilateral_variance_usable(centre.color) != 0u;
+    if !sound {
+        // Its neighbours fill it, by geometry alone.
+        color = vec3f(0.0, 0.0, 0.0);
+        variance = 1.0;
+        radius = max_radius;
+        sum = 0.0;
+    }
+    let taps = bilateral_variance_taps(radius, max_taps);
     for (var i = 1u; i <= taps; i++) {
         let offset = bilateral_variance_offset(i, taps, radius, turn);
         let x = i32(pixel.x) + i32(floor(offset.x + 0.5));
@@ -134,21 +162,28 @@ fn bilateral_variance_pixel(
             continue;
         }
         let tap = bilateral_variance_read(vec2u(u32(x), u32(y)));
-        if tap.reach <= 0.0 {
+        if tap.reach <= 0.0 || bilateral_variance_usable(tap.color) == 0u {
             continue;
         }
         let to = tap.position - centre.position;
-        let difference = tap.color - centre.color;
+        var difference = vec3f(0.0, 0.0, 0.0);
+        if sound {
+            difference = tap.color - centre.color;
+        }
         let w = bilateral_variance_weight(
             centre.normal,
             tap.normal,
             to,
             centre.reach,
             difference,
-            centre.variance,
+            variance,
         );
         if w <= 0.0 {
             continue;
+        }
+        // The first of a broken pixel, exactly.
+        if sum <= 0.0 {
+            color = tap.color;
         }
         let total = sum + w;
         color = vec3f(

@@ -12,3 +12,13 @@ fn firefly_read(at: vec2u) -> vec3f {
     }
     return firefly_pixels[index].xyz;
 }
+
+// For the pass: the results.
+@group(2) @binding(85) var<storage, read_write> firefly_results: array<vec4f>;
+
+fn firefly_write(at: vec2u, result: vec4f) {
+    let index = at.y * firefly_layout.x + at.x;
+    if index < arrayLength(&firefly_results) {
+        firefly_results[index] = result;
+    }
+}

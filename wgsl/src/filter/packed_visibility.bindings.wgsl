@@ -1,13 +1,10 @@
 // What filter/packed_visibility asks for, over storage buffers: the words of
 // the blocks, row by row, and the rows' sums, a pixel each. layout is the
-// image's width and height in blocks, then in pixels. And how a workgroup of
-// 8 x 4 threads makes its word.
+// image's width and height in blocks, then in pixels.
 
 @group(2) @binding(20) var<storage, read> packed_visibility_words: array<u32>;
 @group(2) @binding(21) var<storage, read> packed_visibility_rows: array<u32>;
 @group(2) @binding(22) var<uniform> packed_visibility_layout: vec4u;
-
-var<workgroup> packed_visibility_shared: atomic<u32>;
 
 // Outside the buffer: dark.
 fn packed_visibility_read(block: vec2u) -> u32 {
@@ -27,21 +24,39 @@ fn packed_visibility_read_row(pixel: vec2u) -> u32 {
     return packed_visibility_rows[index];
 }
 
-// The word of a workgroup of 8 x 4 threads, the same in all of them: lane is
-// the local_invocation_index, visible this thread's ray. All threads call it.
-// A ballot without the subgroups extension, and right for subgroups of any
-// width.
-fn packed_visibility_ballot(lane: u32, visible: bool) -> u32 {
-    if lane == 0u {
-        atomicStore(&packed_visibility_shared, 0u);
+// For the passes: each pixel's visibility, above 0 where its ray reached the
+// light; the words; the rows' sums; the results.
+@group(2) @binding(80) var<storage, read> packed_visibility_visible: array<f32>;
+@group(2) @binding(81) var<storage, read_write> packed_visibility_new_words: array<u32>;
+@group(2) @binding(82) var<storage, read_write> packed_visibility_new_rows: array<u32>;
+@group(2) @binding(83) var<storage, read_write> packed_visibility_results: array<vec4f>;
+
+// Outside the buffer: dark.
+fn packed_visibility_read_visible(at: vec2u) -> f32 {
+    let index = at.y * packed_visibility_layout.z + at.x;
+    if index >= arrayLength(&packed_visibility_visible) {
+        return 0.0;
     }
-    workgroupBarrier();
-    if visible {
-        atomicOr(&packed_visibility_shared, 1u << (lane & 31u));
+    return packed_visibility_visible[index];
+}
+
+fn packed_visibility_write(block: vec2u, word: u32) {
+    let index = block.y * packed_visibility_layout.x + block.x;
+    if index < arrayLength(&packed_visibility_new_words) {
+        packed_visibility_new_words[index] = word;
     }
-    workgroupBarrier();
-    let word = atomicLoad(&packed_visibility_shared);
-    // The next call may not clear it while another thread still reads.
-    workgroupBarrier();
-    return word;
+}
+
+fn packed_visibility_write_row(at: vec2u, sum: u32) {
+    let index = at.y * packed_visibility_layout.z + at.x;
+    if index < arrayLength(&packed_visibility_new_rows) {
+        packed_visibility_new_rows[index] = sum;
+    }
+}
+
+fn packed_visibility_write_mean(at: vec2u, result: vec4f) {
+    let index = at.y * packed_visibility_layout.z + at.x;
+    if index < arrayLength(&packed_visibility_results) {
+        packed_visibility_results[index] = result;
+    }
 }

@@ -17,3 +17,13 @@ fn separable_blur_read(at: vec2u) -> SeparableBlurPixel {
     let shape = separable_blur_surfaces[2u * index + 1u];
     return SeparableBlurPixel(place.xyz, place.w, shape.xyz, separable_blur_values[index]);
 }
+
+// For the pass: what an axis gives.
+@group(2) @binding(93) var<storage, read_write> separable_blur_results: array<f32>;
+
+fn separable_blur_write(at: vec2u, result: f32) {
+    let index = at.y * separable_blur_layout.x + at.x;
+    if index < arrayLength(&separable_blur_results) {
+        separable_blur_results[index] = result;
+    }
+}

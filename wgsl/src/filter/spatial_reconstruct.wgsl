@@ -18,6 +18,9 @@ const SPATIAL_RECONSTRUCT_WEIGHT_MAX: f32 = 1e9;
 const SPATIAL_RECONSTRUCT_WEIGHT_MIN: f32 = 1e-9;
 // Golden ratio less one, in units of 2^-32.
 const SPATIAL_RECONSTRUCT_GOLDEN: u32 = 2654435769u;
+// Bits of infinity, and of 2^60, from where on a channel is none.
+const SPATIAL_RECONSTRUCT_INFINITY_BITS: u32 = 0x7f800000u;
+const SPATIAL_RECONSTRUCT_RADIANCE_BITS: u32 = 0x5d800000u;
 
 // A half-resolution hit.
 struct SpatialReconstructHit {
@@ -98,6 +101,17 @@ fn spatial_reconstruct_edge(
     let c_2 = c * c;
     let c_4 = c_2 * c_2;
     return (c_4 * c_4) * (1.0 - plane / reach);
+}
+
+// 1 if weight and density are numbers and every channel is one of magnitude
+// below 2^60, else 0.
+fn spatial_reconstruct_usable(weight: f32, pdf: f32, radiance: vec3f) -> u32 {
+    let bits = bitcast<vec3u>(radiance);
+    return select(0u, 1u, (bitcast<u32>(weight) & 0x7fffffffu) < SPATIAL_RECONSTRUCT_INFINITY_BITS)
+        & select(0u, 1u, (bitcast<u32>(pdf) & 0x7fffffffu) < SPATIAL_RECONSTRUCT_INFINITY_BITS)
+        & select(0u, 1u, (bits.x & 0x7fffffffu) < SPATIAL_RECONSTRUCT_RADIANCE_BITS)
+        & select(0u, 1u, (bits.y & 0x7fffffffu) < SPATIAL_RECONSTRUCT_RADIANCE_BITS)
+        & select(0u, 1u, (bits.z & 0x7fffffffu) < SPATIAL_RECONSTRUCT_RADIANCE_BITS);
 }
 
 // The weight of a hit: the pixel's f cos for its direction over the density
@@ -187,12 +201,10 @@ fn spatial_reconstruct_pixel(
     }
     let own = vec2u(min(pixel.x / 2u, size.x - 1u), min(pixel.y / 2u, size.y - 1u));
     let centre = spatial_reconstruct_read_hit(own);
-    state = spatial_reconstruct_add(
-        state,
-        spatial_reconstruct_weight(pixel, own, centre),
-        centre.pdf,
-        centre.radiance,
-    );
+    let own_weight = spatial_reconstruct_weight(pixel, own, centre);
+    if spatial_reconstruct_usable(own_weight, centre.pdf, centre.radiance) != 0u {
+        state = spatial_reconstruct_add(state, own_weight, centre.pdf, centre.radiance);
+    }
     let end = min(count, SPATIAL_RECONSTRUCT_MAX);
     for (var i = 1u; i < end; i++) {
         let offset = spatial_reconstruct_offset(i, turn);
@@ -203,12 +215,14 @@ fn spatial_reconstruct_pixel(
         }
         let at = vec2u(u32(x), u32(y));
         let hit = spatial_reconstruct_read_hit(at);
-        state = spatial_reconstruct_add(
-            state,
-            spatial_reconstruct_weight(pixel, at, hit),
-            hit.pdf,
-            hit.radiance,
-        );
+        let hit_weight = spatial_reconstruct_weight(pixel, at, hit);
+        if spatial_reconstruct_usable(hit_weight, hit.pdf, hit.radiance) != 0u {
+            state = spatial_reconstruct_add(state, hit_weight, hit.pdf, hit.radiance);
+        }
     }
-    return spatial_reconstruct_finish(state, centre.radiance);
+    var fallback = centre.radiance;
+    if spatial_reconstruct_usable(0.0, 0.0, fallback) == 0u {
+        fallback = vec3f(0.0, 0.0, 0.0);
+    }
+    return spatial_reconstruct_finish(state, fallback);
 }

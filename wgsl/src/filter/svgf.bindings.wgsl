@@ -39,3 +39,31 @@ fn svgf_read_scalar(at: vec2u) -> SvgfScalar {
     let found = svgf_scalars[index];
     return SvgfScalar(found.x, found.y);
 }
+
+// For the passes: frames that each pixel has accumulated, and the results.
+@group(2) @binding(121) var<storage, read> svgf_histories: array<f32>;
+@group(2) @binding(122) var<storage, read_write> svgf_new_colors: array<vec4f>;
+@group(2) @binding(123) var<storage, read_write> svgf_new_scalars: array<vec2f>;
+
+// Outside the buffer: none.
+fn svgf_read_history(at: vec2u) -> f32 {
+    let index = at.y * svgf_layout.x + at.x;
+    if index >= arrayLength(&svgf_histories) {
+        return 0.0;
+    }
+    return svgf_histories[index];
+}
+
+fn svgf_write_color(at: vec2u, result: vec4f) {
+    let index = at.y * svgf_layout.x + at.x;
+    if index < arrayLength(&svgf_new_colors) {
+        svgf_new_colors[index] = result;
+    }
+}
+
+fn svgf_write_scalar(at: vec2u, result: vec2f) {
+    let index = at.y * svgf_layout.x + at.x;
+    if index < arrayLength(&svgf_new_scalars) {
+        svgf_new_scalars[index] = result;
+    }
+}

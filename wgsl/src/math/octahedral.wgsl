@@ -1,5 +1,8 @@
 // Unit vectors as two numbers: the octahedral map (Cigolle et al., JCGT 3(2), 2014).
 
+// 1/32767.
+const OCTAHEDRAL_SNORM: f32 = 3.0518509e-5;
+
 // Maps a direction (not zero, components below 1e37) to the square [-1, 1]^2.
 fn octahedral_encode(n: vec3f) -> vec2f {
     let sum = (abs(n.x) + abs(n.y)) + abs(n.z);
@@ -26,4 +29,12 @@ fn octahedral_decode(p: vec2f) -> vec3f {
         p.y + select(t, -t, p.y >= 0.0),
         z,
     ));
+}
+
+// octahedral_decode of two 16-bit snorms, x in the low half: of
+// pack2x16snorm(octahedral_encode(n)).
+fn octahedral_unpack(bits: u32) -> vec3f {
+    let x = (f32((bits & 0xffffu) ^ 0x8000u) - 32768.0) * OCTAHEDRAL_SNORM;
+    let y = (f32((bits >> 16u) ^ 0x8000u) - 32768.0) * OCTAHEDRAL_SNORM;
+    return octahedral_decode(vec2f(clamp(x, -1.0, 1.0), clamp(y, -1.0, 1.0)));
 }

@@ -8,10 +8,10 @@
 
 alias ReprojectValue = vec3f;
 
-@group(2) @binding(20) var<storage, read> reproject_surfaces: array<vec4u>;
-@group(2) @binding(21) var<storage, read> reproject_priors: array<vec4u>;
-@group(2) @binding(22) var<storage, read> reproject_histories: array<vec4u>;
-@group(2) @binding(23) var<uniform> reproject_layout: vec4u;
+@group(2) @binding(33) var<storage, read> reproject_surfaces: array<vec4u>;
+@group(2) @binding(34) var<storage, read> reproject_priors: array<vec4u>;
+@group(2) @binding(35) var<storage, read> reproject_histories: array<vec4u>;
+@group(2) @binding(36) var<uniform> reproject_layout: vec4u;
 
 // The surface of a pixel. Outside the buffer: none.
 fn reproject_read_surface(at: vec2u) -> ReprojectSurface {
@@ -58,4 +58,36 @@ fn reproject_read_history(at: vec2u) -> ReprojectHistory {
         return ReprojectHistory(vec3f(0.0, 0.0, 0.0), 0.0);
     }
     return ReprojectHistory(bitcast<vec3f>(texel.xyz), bitcast<f32>(texel.w));
+}
+
+// For the passes: motions (x and y in pixels, from now to then; z the change of
+// view depth, from now to then; 0), the distances from a mirror to what it
+// shows, and the results.
+@group(2) @binding(102) var<storage, read> reproject_motions: array<vec4f>;
+@group(2) @binding(103) var<storage, read> reproject_distances: array<f32>;
+@group(2) @binding(104) var<storage, read_write> reproject_results: array<vec4f>;
+
+// Outside the buffer: none.
+fn reproject_read_motion(at: vec2u) -> vec3f {
+    let index = at.y * reproject_layout.x + at.x;
+    if index >= arrayLength(&reproject_motions) {
+        return vec3f(REPROJECT_NOWHERE, REPROJECT_NOWHERE, 0.0);
+    }
+    return reproject_motions[index].xyz;
+}
+
+// Outside the buffer: 0.
+fn reproject_read_distance(at: vec2u) -> f32 {
+    let index = at.y * reproject_layout.x + at.x;
+    if index >= arrayLength(&reproject_distances) {
+        return 0.0;
+    }
+    return reproject_distances[index];
+}
+
+fn reproject_write(at: vec2u, result: vec4f) {
+    let index = at.y * reproject_layout.x + at.x;
+    if index < arrayLength(&reproject_results) {
+        reproject_results[index] = result;
+    }
 }

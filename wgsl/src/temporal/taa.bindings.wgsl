@@ -12,3 +12,24 @@ fn taa_read(at: vec2u) -> vec3f {
     }
     return taa_pixels[index].xyz;
 }
+
+// For the pass: the history, where the surface was, with its length in w (not
+// above 0: none), and the results.
+@group(2) @binding(95) var<storage, read> taa_histories: array<vec4f>;
+@group(2) @binding(96) var<storage, read_write> taa_results: array<vec4f>;
+
+// Outside the buffer: no history.
+fn taa_read_history(at: vec2u) -> vec4f {
+    let index = at.y * taa_layout.x + at.x;
+    if index >= arrayLength(&taa_histories) {
+        return vec4f(0.0, 0.0, 0.0, 0.0);
+    }
+    return taa_histories[index];
+}
+
+fn taa_write(at: vec2u, result: vec4f) {
+    let index = at.y * taa_layout.x + at.x;
+    if index < arrayLength(&taa_results) {
+        taa_results[index] = result;
+    }
+}
