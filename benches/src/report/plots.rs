@@ -260,9 +260,9 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
         .filter(|r| r.variant.starts_with("average"))
         .collect();
     let number = |r: &&&SequenceRow| r.variant.chars().filter(char::is_ascii_digit).collect();
-    let clamped = |r: &&&SequenceRow| {
-        let clamped = r.variant.ends_with("clamped");
-        (if clamped { "clamped" } else { "" }).to_owned()
+    let rest = |r: &&&SequenceRow| {
+        let part = r.variant.split_once(", ").map_or("", |p| p.1);
+        part.to_owned()
     };
     Plot {
         title: format!("Over time: {name}"),
@@ -289,7 +289,7 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
                 "average of 32 frames",
                 2,
                 &averages,
-                averages.iter().map(clamped).collect(),
+                averages.iter().map(rest).collect(),
             ),
         ],
         guide: None,

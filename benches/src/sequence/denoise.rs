@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::{UVec2, Vec2, Vec3};
 use half::f16;
 use rayon::prelude::*;
+use raytwin::filter::packed_visibility::packed_visibility_horizontal;
 use raytwin::filter::svgf::{
     SvgfSample, SvgfSettings, svgf_variance_pixel, svgf_variance_scalar_pixel,
 };
@@ -22,6 +23,7 @@ use raytwin::temporal::reproject::{
     reproject_footprint, reproject_gather, reproject_reflection_motion, reproject_share,
 };
 use raytwin::temporal::variance_clamp::variance_clamp_pixel;
+use raytwin::temporal::visibility_clamp::{VISIBILITY_CLAMP_GAMMA, visibility_clamp_rows_pixel};
 
 use super::film::Frame;
 
@@ -43,6 +45,17 @@ pub enum Where {
     Blend,
 }
 
+/// What a history is held to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clamp {
+    /// Nothing.
+    Off,
+    /// Mean ± deviation of 5 × 5 pixels.
+    Near,
+    /// The mean of 17 × 17 rays ± half a deviation: of rays of one bit alone.
+    Wide,
+}
+
 /// A way to filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recipe {
@@ -50,8 +63,8 @@ pub struct Recipe {
     pub history: Option<Where>,
     /// Most frames in it.
     pub cap: f32,
-    /// Whether it is clamped to mean ± deviation of 5 × 5 pixels.
-    pub clamp: bool,
+    /// What it is held to.
+    pub clamp: Clamp,
     /// Whether the variance comes from plain moments, `E[x²] - E[x]²`.
     pub plain: bool,
     /// Whether the passes are guided by the variance of the mean over time
@@ -63,6 +76,8 @@ pub struct Recipe {
     pub passes: u32,
     /// Whether the first of them is fed back.
     pub feedback: bool,
+    /// Whether they leave out the tiles that they cannot change.
+    pub tiles: bool,
 }
 
 impl Recipe {
@@ -70,12 +85,13 @@ impl Recipe {
     pub const NONE: Self = Self {
         history: None,
         cap: 1.0,
-        clamp: false,
+        clamp: Clamp::Off,
         plain: false,
         of_mean: false,
         half: false,
         passes: 0,
         feedback: false,
+        tiles: false,
     };
     /// An average over frames.
     pub const AVERAGE: Self = Self {
@@ -273,7 +289,7 @@ impl<const C: usize> Denoiser<C> {
     }
 
     /// A pixel's new state and length.
-    fn accumulate(&self, frame: &Frame, at: UVec2) -> (Texel<C>, f32) {
+    fn accumulate(&self, frame: &Frame, rays: &Rays, at: UVec2) -> (Texel<C>, f32) {
         let recipe = &self.recipe;
         let sample = channels::<C>(frame.noisy[(at.y * self.size.x + at.x) as usize]);
         let mut known = match recipe.history {
@@ -283,11 +299,20 @@ impl<const C: usize> Denoiser<C> {
                 length: 0.0,
             },
         };
-        if recipe.clamp && known.length > 0.0 {
-            let read = |at: UVec2| frame.noisy[(at.y * self.size.x + at.x) as usize];
-            let kept = color(known.value.value);
-            known.value.value =
-                channels(variance_clamp_pixel(at, self.size, 2, kept, 1.0, 0, read));
+        if known.length > 0.0 {
+            let kept = known.value.value;
+            known.value.value = match recipe.clamp {
+                Clamp::Off => kept,
+                Clamp::Near => {
+                    let read = |at: UVec2| frame.noisy[(at.y * self.size.x + at.x) as usize];
+                    let kept = color(kept);
+                    channels(variance_clamp_pixel(at, self.size, 2, kept, 1.0, 0, read))
+                }
+                Clamp::Wide => kept.map(|kept| {
+                    let gamma = VISIBILITY_CLAMP_GAMMA;
+                    visibility_clamp_rows_pixel(at, self.size, kept, gamma, |at| rays.row(at))
+                }),
+            };
         }
         let now = light(sample);
         let (mean, variance, length) = if recipe.plain {
@@ -365,6 +390,43 @@ impl<const C: usize> Denoiser<C> {
     }
 }
 
+/// How many rays of each row of 17 reached the light.
+struct Rays {
+    width: u32,
+    rows: Vec<u32>,
+}
+
+impl Rays {
+    /// Of a recipe that does not look at them: none.
+    fn new(recipe: &Recipe, noisy: &[Vec3], size: UVec2) -> Self {
+        let width = size.x;
+        if recipe.clamp != Clamp::Wide {
+            let rows = Vec::new();
+            return Self { width, rows };
+        }
+        let across = size.x.div_ceil(8);
+        let words: Vec<u32> = (0..across * size.y.div_ceil(4))
+            .map(|i| {
+                let corner = UVec2::new(8 * (i % across), 4 * (i / across));
+                (0..32).fold(0, |word, lane| {
+                    let at = corner + UVec2::new(lane % 8, lane / 8);
+                    let lit = at.cmplt(size).all() && noisy[(at.y * width + at.x) as usize].x > 0.0;
+                    word | u32::from(lit) << lane
+                })
+            })
+            .collect();
+        let read = |block: UVec2| words[(block.y * across + block.x) as usize];
+        let rows = (0..size.element_product())
+            .map(|i| packed_visibility_horizontal(UVec2::new(i % width, i / width), size, read))
+            .collect();
+        Self { width, rows }
+    }
+
+    fn row(&self, at: UVec2) -> u32 {
+        self.rows[(at.y * self.width + at.x) as usize]
+    }
+}
+
 impl<const C: usize> Filter for Denoiser<C> {
     fn step(&mut self, frame: &Frame) -> (Vec<Vec3>, f64) {
         if self.recipe.history.is_none() && self.recipe.passes == 0 {
@@ -373,10 +435,11 @@ impl<const C: usize> Filter for Denoiser<C> {
         let start = Instant::now();
         let size = self.size;
         let at = |i: usize| UVec2::new(i as u32 % size.x, i as u32 / size.x);
+        let rays = Rays::new(&self.recipe, &frame.noisy, size);
         (self.texels, self.lengths) = (0..self.texels.len())
             .into_par_iter()
             .with_min_len(64)
-            .map(|i| self.accumulate(frame, at(i)))
+            .map(|i| self.accumulate(frame, &rays, at(i)))
             .unzip();
         let mut out: Vec<Vec3> = Vec::with_capacity(self.texels.len());
         if self.recipe.passes == 0 {
@@ -392,12 +455,17 @@ impl<const C: usize> Filter for Denoiser<C> {
                 (value, self.variance(frame, at))
             });
             let mut fed = Vec::new();
-            pass.filter(|image| {
+            let feed = |image: &SvgfPass<C>| {
                 for y in 0..size.y {
                     let rows: [&[f32]; C] = std::array::from_fn(|c| image.row(y, c));
                     fed.extend((0..size.x as usize).map(|x| rows.map(|row| row[x])));
                 }
-            });
+            };
+            if self.recipe.tiles {
+                pass.filter_tiles(feed);
+            } else {
+                pass.filter(feed);
+            }
             for y in 0..size.y {
                 let rows: [&[f32]; C] = std::array::from_fn(|c| pass.row(y, c));
                 out.extend((0..size.x as usize).map(|x| color(rows.map(|row| row[x]))));

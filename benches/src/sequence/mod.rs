@@ -24,7 +24,7 @@ use glam::{UVec2, Vec3};
 use crate::reflections::ReflectionScene;
 use crate::stages::StageError;
 
-pub use denoise::{Recipe, Where};
+pub use denoise::{Clamp, Recipe, Where};
 pub use path::Event;
 
 use denoise::{Denoiser, Filter, LONG};
@@ -134,6 +134,12 @@ impl Signal {
     }
 }
 
+/// The clamps of a history, by name.
+const CLAMPS: [(&str, Clamp); 2] = [
+    ("clamped", Clamp::Near),
+    ("clamped by 17 x 17 rays", Clamp::Wide),
+];
+
 /// How a sequence is filtered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
@@ -166,16 +172,18 @@ pub fn variants(signal: Signal, moves: bool, all: bool) -> Vec<Variant> {
     let average = Recipe::AVERAGE;
     add(one.into(), Recipe::NONE, false, None);
     add(format!("average of {LONG} frames"), average, false, None);
-    let clamped = Recipe {
-        clamp: true,
-        ..average
-    };
-    add(
-        format!("average of {LONG} frames, clamped"),
-        clamped,
-        false,
-        None,
-    );
+    for (name, clamp) in CLAMPS {
+        if clamp == Clamp::Wide && signal == Signal::Reflection {
+            continue;
+        }
+        let recipe = Recipe { clamp, ..average };
+        add(
+            format!("average of {LONG} frames, {name}"),
+            recipe,
+            false,
+            None,
+        );
+    }
     if signal == Signal::Reflection {
         for (name, place) in [("hit point", Where::HitPoint), ("blended", Where::Blend)] {
             let recipe = Recipe {
@@ -222,14 +230,11 @@ pub fn variants(signal: Signal, moves: bool, all: bool) -> Vec<Variant> {
         },
         false,
     );
-    piece(
-        "clamped",
-        Recipe {
-            clamp: true,
-            ..base
-        },
-        false,
-    );
+    for (name, clamp) in CLAMPS {
+        if clamp == Clamp::Near || signal != Signal::Reflection {
+            piece(name, Recipe { clamp, ..base }, false);
+        }
+    }
     let of_mean = Recipe {
         of_mean: true,
         ..base
@@ -267,6 +272,8 @@ pub fn variants(signal: Signal, moves: bool, all: bool) -> Vec<Variant> {
     piece("history in f16", Recipe { half: true, ..base }, false);
     if signal != Signal::Reflection {
         piece("as RGB", base, true);
+        let tiles = true;
+        piece("tiles left out", Recipe { tiles, ..base }, false);
     }
     if moves {
         for (name, place) in [

@@ -85,6 +85,10 @@ fn a_short_history_forgets_a_light_sooner() {
     assert!(life(&passes(5)).unwrap() >= short - 1);
     assert_eq!(life(AVERAGE), Some(11));
     assert!(life("average of 32 frames, clamped").unwrap() <= 2);
+    assert!(life("average of 32 frames, clamped by 17 x 17 rays").unwrap() <= 2);
+    // What is left out would not have changed.
+    let tiles = row(&run, "SVGF, 3 passes, tiles left out");
+    assert_eq!(tiles.by_frame, row(&run, &passes(3)).by_frame);
 }
 
 #[test]
