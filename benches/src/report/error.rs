@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use raytwin::pass::bvh8::Bvh8Fault;
+use raytwin::pass::image::PassError;
 use raytwin::ray::bvh_build::BvhError;
 use raytwin_tests::embree::EmbreeError;
 use raytwin_tests::gpu::{GpuError, ProgramError};
@@ -49,6 +50,9 @@ pub enum ReportError {
     /// A kernel does not compile for an adapter.
     #[error(transparent)]
     Program(#[from] ProgramError),
+    /// A pass cannot be made or bound.
+    #[error(transparent)]
+    Pass(#[from] PassError),
     /// The traversal shader is not taken.
     #[error("{adapter} does not take the traversal program: {message}")]
     Traversal {

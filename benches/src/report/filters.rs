@@ -53,10 +53,14 @@ const VARIANCE: f32 = 0.08;
 /// Milliseconds of all passes, the median.
 fn passes<const C: usize>(size: UVec2, repeats: usize, level: SimdLevel) -> f64 {
     let mut pass = SvgfPass::<C>::new(size, SvgfSettings::PAPER).with_level(level);
-    pass.set_surfaces(surface);
+    // Made by all threads: a 4K image takes longer than its filter.
+    let index = |at: UVec2| (at.y * size.x + at.x) as usize;
+    let surfaces: Vec<SvgfSurface> = pixels(size).map(surface).collect();
+    let values: Vec<[f32; 3]> = pixels(size).map(value).collect();
+    pass.set_surfaces(|at| surfaces[index(at)]);
     let mut times: Vec<f64> = (0..repeats)
         .map(|_| {
-            pass.set_image(|at| (std::array::from_fn(|c| value(at)[c]), VARIANCE));
+            pass.set_image(|at| (std::array::from_fn(|c| values[index(at)][c]), VARIANCE));
             let start = Instant::now();
             pass.filter(|_| ());
             start.elapsed().as_secs_f64() * 1e3
@@ -71,14 +75,17 @@ fn passes<const C: usize>(size: UVec2, repeats: usize, level: SimdLevel) -> f64 
 fn tiled(size: UVec2, share: f64, repeats: usize) -> (f64, f64, f64) {
     let edge = (f64::from(size.x) * share) as u32;
     let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
-    pass.set_surfaces(surface);
+    let index = |at: UVec2| (at.y * size.x + at.x) as usize;
+    let surfaces: Vec<SvgfSurface> = pixels(size).map(surface).collect();
+    let values: Vec<f32> = pixels(size).map(|at| value(at)[0]).collect();
+    pass.set_surfaces(|at| surfaces[index(at)]);
     let (mut whole, mut some, mut part) = (Vec::new(), Vec::new(), 0.0);
     for _ in 0..repeats {
         let image = |at: UVec2| {
             if at.x < edge {
                 ([1.0], 0.0)
             } else {
-                ([value(at)[0]], VARIANCE)
+                ([values[index(at)]], VARIANCE)
             }
         };
         pass.set_image(image);
@@ -137,7 +144,9 @@ fn loops(size: UVec2) -> (f64, f64) {
 }
 
 /// The speed goals of the filters on the CPU.
-pub(super) fn goals(repeats: usize) -> Vec<GoalRow> {
+///
+/// `all`: also with the vectors that the processor's best ones include.
+pub(super) fn goals(repeats: usize, all: bool) -> Vec<GoalRow> {
     let mut out = Vec::new();
     let threads = rayon::current_num_threads();
     let mut goal = |name: String, measured: f64, limit: f64, detail: String| {
@@ -156,7 +165,8 @@ pub(super) fn goals(repeats: usize) -> Vec<GoalRow> {
         let repeats = if size == SIZES[2] { 3 } else { repeats };
         (size, passes::<3>(size, repeats, best))
     });
-    for level in SimdLevel::ALL.into_iter().filter(|l| l.is_available()) {
+    let wanted = |l: &SimdLevel| l.is_available() && (all || *l == best);
+    for level in SimdLevel::ALL.into_iter().filter(wanted) {
         let name = match level {
             SimdLevel::Baseline => "the build's vectors",
             SimdLevel::Avx2 => "AVX2",
@@ -227,8 +237,8 @@ pub(super) fn goals(repeats: usize) -> Vec<GoalRow> {
 
 /// Where the passes on adapters are timed; a software adapter takes seconds for
 /// the larger ones.
-const GPU_SIZES: [UVec2; 3] = [
-    UVec2::new(640, 360),
+pub(super) const GPU_SIZES: [UVec2; 3] = [
+    UVec2::new(480, 270),
     UVec2::new(1920, 1080),
     UVec2::new(3840, 2160),
 ];
@@ -247,14 +257,14 @@ fn copy(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
 ";
 
 /// Timestamps, and where they can be read.
-struct Clock {
-    queries: wgpu::QuerySet,
+pub(super) struct Clock {
+    pub(super) queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     count: u32,
 }
 
 impl Clock {
-    fn new(gpu: &Gpu, count: u32) -> Self {
+    pub(super) fn new(gpu: &Gpu, count: u32) -> Self {
         Self {
             queries: gpu.device().create_query_set(&wgpu::QuerySetDescriptor {
                 label: None,
@@ -272,7 +282,7 @@ impl Clock {
     }
 
     /// Milliseconds from each even timestamp to the next.
-    fn run(&self, gpu: &Gpu, mut encoder: wgpu::CommandEncoder) -> Vec<f64> {
+    pub(super) fn run(&self, gpu: &Gpu, mut encoder: wgpu::CommandEncoder) -> Vec<f64> {
         encoder.resolve_query_set(&self.queries, 0..self.count, &self.resolved, 0);
         gpu.queue().submit([encoder.finish()]);
         let words = gpu.read(&self.resolved, 2 * self.count as usize);
@@ -286,6 +296,19 @@ impl Clock {
             .map(|t| t[1].saturating_sub(t[0]) as f64 * period * 1e-6)
             .collect()
     }
+}
+
+/// GB a second that a copy of so many bytes reaches, reads and writes.
+pub(super) fn copy_rate(gpu: &Gpu, bytes: u64, repeats: usize) -> f64 {
+    let buffer = || {
+        gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("copy"),
+            size: bytes,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        })
+    };
+    2.0 * bytes as f64 * 1e-6 / copy_ms(gpu, &buffer(), &buffer(), repeats)
 }
 
 /// Milliseconds of copying a buffer, the median.
@@ -337,7 +360,7 @@ fn copy_ms(gpu: &Gpu, from: &wgpu::Buffer, to: &wgpu::Buffer, repeats: usize) ->
     median(&mut times)
 }
 
-/// Each pass of the filter on each adapter with a clock of its own, beside a
+/// Each pass of `SvgfGpu` on each adapter with a clock of its own, beside a
 /// copy of its surfaces.
 pub(super) fn gpu_passes(gpus: &[&Gpu], repeats: usize) -> Result<Vec<PassRow>, ReportError> {
     let mut out = Vec::new();
@@ -369,12 +392,6 @@ pub(super) fn gpu_passes(gpus: &[&Gpu], repeats: usize) -> Result<Vec<PassRow>, 
             gpu.queue().write_buffer(filter.surfaces(), 0, &surfaces);
             gpu.queue()
                 .write_buffer(filter.history(), 0, &words(&|_| vec![8.0]));
-            let to = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-                label: Some("copy"),
-                size: filter.surfaces().size(),
-                usage: wgpu::BufferUsages::STORAGE,
-                mapped_at_creation: false,
-            });
             let passes = filter.passes();
             let clock = Clock::new(gpu, 2 * passes.len() as u32);
             let mut times = vec![Vec::new(); passes.len()];
@@ -386,13 +403,13 @@ pub(super) fn gpu_passes(gpus: &[&Gpu], repeats: usize) -> Result<Vec<PassRow>, 
                     times.push(ms);
                 }
             }
-            let copied = 2 * filter.surfaces().size();
-            let copy = copied as f64 * 1e-6 / copy_ms(gpu, filter.surfaces(), &to, repeats.max(5));
+            let copy = copy_rate(gpu, filter.surfaces().size(), repeats.max(5));
             for (pass, mut times) in passes.into_iter().zip(times) {
                 let ms = median(&mut times);
                 out.push(PassRow {
                     backend: gpu.label(),
-                    signal: name.into(),
+                    signal: format!("svgf, {name}"),
+                    images: "its own buffers".into(),
                     size: size.to_array(),
                     pass: pass.name,
                     ms,

@@ -15,6 +15,7 @@ mod materials;
 mod names;
 mod output;
 mod page;
+mod passes;
 pub mod plot;
 mod plots;
 mod progress;
@@ -34,6 +35,7 @@ use raytwin_tests::scene::{Scene, sponza_path};
 use crate::reflections::{self, ReflectionGpu, ReflectionScene, ReflectionSettings};
 use crate::sequence::{self, SequenceSettings};
 use crate::stages::{self, Backend, GpuStages, PIXELS_MAX, StageError, StageScene, StageSettings};
+use passes::PassCosts;
 
 pub use error::ReportError;
 
@@ -358,11 +360,24 @@ impl<'a> Run<'a> {
         }
         self.progress.step("filters over whole images");
         if with_cpu {
-            self.report
-                .goals
-                .extend(filters::goals(self.stage_settings.repeats));
+            self.report.goals.extend(filters::goals(
+                self.stage_settings.repeats,
+                self.options.full,
+            ));
         }
         self.report.passes = filters::gpu_passes(&self.gpus, self.stage_settings.repeats)?;
+        for gpu in self.gpus.iter().filter(|g| g.has_timestamps()) {
+            let sizes = if gpu.is_software() {
+                &filters::GPU_SIZES[..1]
+            } else {
+                &filters::GPU_SIZES[1..]
+            };
+            for size in sizes {
+                let repeats = self.stage_settings.repeats.min(3);
+                let costs = PassCosts::measure(gpu, *size, repeats)?;
+                self.report.passes.extend(costs.rows());
+            }
+        }
         let by_hand = materials::by_hand(&self.kernels, runs, &self.gpus)?;
         self.report.goals.extend(by_hand);
         Ok(())
@@ -439,6 +454,7 @@ impl<'a> Run<'a> {
     ) -> Result<Vec<Shown>, ReportError> {
         use sequence::{Event, Signal};
         let mut shown = Vec::new();
+        let mut costs: Vec<([u32; 2], Vec<PassCosts>)> = Vec::new();
         let balls = ReflectionScene::new(scene).unwrap_or_else(|| ReflectionScene::bare(scene));
         let full = self.options.full;
         let possible = |signal: Signal, event| {
@@ -477,7 +493,16 @@ impl<'a> Run<'a> {
             ));
             let run = sequence::measure(&balls, signal, event, &settings)?;
             let size = run.results.first().map_or([0; 2], |r| r.size);
-            let rows = run.results.into_iter().map(sequence_row);
+            if !costs.iter().any(|(s, _)| *s == size) && size[0] > 0 {
+                let of = glam::UVec2::from_array(size);
+                let clocks = self.gpus.iter().filter(|g| g.has_timestamps());
+                let all: Result<Vec<_>, _> =
+                    clocks.map(|gpu| PassCosts::measure(gpu, of, 3)).collect();
+                costs.push((size, all?));
+            }
+            let of_size = costs.iter().find(|(s, _)| *s == size);
+            let of_size = of_size.map_or(&[][..], |c| &c.1);
+            let rows = run.results.into_iter().map(|r| sequence_row(r, of_size));
             self.report.sequences.extend(rows);
             shown.extend(run.pictures.into_iter().map(|p| show_sequence(p, size)));
         }
@@ -687,8 +712,11 @@ fn show_reflection(
     })
 }
 
-fn sequence_row(r: sequence::SequenceResult) -> SequenceRow {
+fn sequence_row(r: sequence::SequenceResult, costs: &[PassCosts]) -> SequenceRow {
+    let (recipe, color) = r.recipe;
+    let on = |c: &PassCosts| (c.backend().to_owned(), c.of(&recipe, color));
     SequenceRow {
+        gpu_ms: costs.iter().map(on).collect(),
         scene: r.scene,
         signal: r.signal,
         event: r.event,

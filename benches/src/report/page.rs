@@ -569,27 +569,6 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
                 details { summary { "The shader by hand: " (g.name) } pre { (shader) } }
             } }
         }
-        @if !report.passes.is_empty() {
-            h3 { "SVGF, pass by pass" }
-            p.note {
-                "By the device's clock. Asked for: what the shader reads and writes, each tap counted. Ideal: each input read once, each output written once. "
-                "Reached is the ideal over the time, beside a copy of the surfaces in the same run."
-            }
-            div.scroll { table {
-                thead { tr { th.left { "Adapter" } th.left { "Signal" } th.left { "Pass" } th { "ms" } th { "Asked for, MB" } th { "Ideal, MB" } th { "Reached, GB/s" } th { "Copy, GB/s" } th { "Of the copy" } } }
-                tbody { @for p in &report.passes { tr {
-                    td.left title=(p.backend) { (short(&p.backend)) }
-                    td.left { (p.signal) " " (p.size[0]) " × " (p.size[1]) }
-                    td.left { (p.pass) }
-                    td { (number(p.ms)) }
-                    td { (number(p.counted as f64 * 1e-6)) }
-                    td { (number(p.ideal as f64 * 1e-6)) }
-                    td { (number(p.gb_s)) }
-                    td { (number(p.copy_gb_s)) }
-                    td { (format!("{:.0} %", 100.0 * p.gb_s / p.copy_gb_s)) }
-                } } }
-            } }
-        }
         @if !report.samplers.is_empty() {
             h3 { "GGX samplers" }
             p {
@@ -611,6 +590,7 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
             (figures("Worth"))
             (figures("Reconstruction"))
         }
+        (passes_table(report))
         @if !report.sequences.is_empty() {
             h3 { "Over time" }
             p {
@@ -619,8 +599,51 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
                 "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history. "
                 "A lone dark or bright pixel in a picture is a surface of a pixel's width: no neighbour is on it, and where the camera moves it has no history either, so it shows its one sample."
             }
+            p {
+                "Milliseconds are the CPU's; an adapter's are the sum of the passes that the variant is made of, timed alone at this size (what is not a pass has none): "
+                "a colour's moments, and a scalar that is fed back, are reprojected a second time. Both twins give the same picture, so the error is the same."
+            }
             @for (name, rows) in super::plots::sequences(report) { (sequence_table(&name, &rows)) (pieces_table(&rows)) }
             (figures("Over time"))
+        }
+    }
+}
+
+/// What the passes of all filters cost on adapters, and the memory they move.
+fn passes_table(report: &Report) -> Markup {
+    if report.passes.is_empty() {
+        return html! {};
+    }
+    let mut groups: Vec<(&str, [u32; 2])> = Vec::new();
+    for r in &report.passes {
+        let key = (r.backend.as_str(), r.size);
+        if !groups.contains(&key) {
+            groups.push(key);
+        }
+    }
+    html! {
+        h3 { "Passes" }
+        p {
+            "Every filter as a wgpu pass, by the adapter's clock. Counted bytes are those that the shader asks for, each tap counted; "
+            "ideal ones those of reading each input once and writing each output once. GB a second are the ideal bytes over the time, beside what a copy reaches in the same run."
+        }
+        @for (backend, [width, height]) in groups {
+            div.scroll { table {
+                caption { (short(backend)) ", " (width) " × " (height) }
+                thead { tr {
+                    th.left { "Filter" } th.left { "Step" } th.left { "Images" } th { "ms" } th { "MB counted" } th { "MB ideal" } th { "GB/s" } th { "of a copy's" }
+                } }
+                tbody { @for r in report.passes.iter().filter(|r| r.backend == backend && r.size == [width, height]) { tr {
+                    td.left { (r.signal) }
+                    td.left { (r.pass) }
+                    td.left { (r.images) }
+                    td { (number(r.ms)) }
+                    td { (number(r.counted as f64 * 1e-6)) }
+                    td { (number(r.ideal as f64 * 1e-6)) }
+                    td { (number(r.gb_s)) }
+                    td { (format!("{:.0} %", 100.0 * r.gb_s / r.copy_gb_s)) }
+                } } }
+            } }
         }
     }
 }
@@ -684,17 +707,22 @@ fn estimators(report: &Report, plots: &[&Drawn]) -> Markup {
 
 fn sequence_table(name: &str, rows: &[&SequenceRow]) -> Markup {
     let reference = rows.first().map_or(0.0, |r| r.reference_rmse);
+    let adapters: Vec<&String> = rows
+        .first()
+        .map(|r| r.gpu_ms.keys().collect())
+        .unwrap_or_default();
     html! {
         h4 { (name) }
         div.scroll { table {
         caption { "The reference's own error is about " (number(reference)) "." }
         thead { tr {
-            th.left { "Variant" } th { "ms" } th { "RMSE" } th { "Relative MSE" }
+            th.left { "Variant" } th { "ms" } @for a in &adapters { th { "ms, " (short(a)) } } th { "RMSE" } th { "Relative MSE" }
             th { "PSNR, dB" } th { "SSIM" } th { "FLIP" } th { "Flicker" } th { "Half-life, frames" }
         } }
         tbody { @for r in rows { tr {
             td.left { (r.variant) }
             td { (number(r.ms)) }
+            @for a in &adapters { td { (optional(r.gpu_ms.get(*a).copied().flatten())) } }
             td { (number(r.rmse)) }
             td { (number(r.relative_mse)) }
             td { (format!("{:.1}", r.psnr)) }

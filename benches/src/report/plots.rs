@@ -124,7 +124,10 @@ fn materials(report: &Report) -> Vec<Plot> {
         out.push(worth(scene, view, &balls));
     }
     for (name, rows) in sequences(report) {
-        out.push(over_time(&name, &rows));
+        out.push(over_time(&name, &rows, None));
+        for adapter in rows.first().iter().flat_map(|r| r.gpu_ms.keys()) {
+            out.push(over_time(&name, &rows, Some(adapter)));
+        }
         // A line needs more than the two frames of what moves.
         if rows.iter().any(|r| r.by_frame.len() > 2) {
             out.push(by_frame(&name, &rows));
@@ -229,7 +232,13 @@ pub(super) fn sequences(report: &Report) -> Vec<(String, Vec<&SequenceRow>)> {
 }
 
 /// Error against time a frame; without a filter there is no time to draw.
-fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
+fn over_time(name: &str, rows: &[&SequenceRow], adapter: Option<&String>) -> Plot {
+    let time = |r: &SequenceRow| match adapter {
+        None => Some(r.ms),
+        Some(adapter) => r.gpu_ms.get(adapter).copied().flatten(),
+    };
+    let timed: Vec<&SequenceRow> = rows.iter().copied().filter(|r| time(r).is_some()).collect();
+    let rows = &timed[..];
     let middle = rows
         .iter()
         .find(|r| r.piece.as_deref() == Some("all of it"))
@@ -240,7 +249,10 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
         ..series(
             title.into(),
             k,
-            chosen.iter().map(|r| (r.ms, r.rmse)).collect(),
+            chosen
+                .iter()
+                .filter_map(|r| Some((time(r)?, r.rmse)))
+                .collect(),
         )
     };
     let passes: Vec<_> = rows
@@ -265,7 +277,10 @@ fn over_time(name: &str, rows: &[&SequenceRow]) -> Plot {
         part.to_owned()
     };
     Plot {
-        title: format!("Over time: {name}"),
+        title: match adapter {
+            None => format!("Over time: {name}"),
+            Some(adapter) => format!("Over time: {name}, {}", super::page::short(adapter)),
+        },
         x_label: "milliseconds a frame".into(),
         y_label: "RMSE of the last frame".into(),
         x_ticks: Ticks::Decimal,

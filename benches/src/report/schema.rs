@@ -382,8 +382,10 @@ pub struct SequenceRow {
     /// What is different from SVGF with three passes; `null` for what is no
     /// piece of it.
     pub piece: Option<String>,
-    /// Milliseconds a frame.
+    /// Milliseconds a frame on the CPU.
     pub ms: f64,
+    /// The same by adapter: the sum of the passes that the variant is made of.
+    pub gpu_ms: BTreeMap<String, Option<f64>>,
     /// Error of the last frame.
     pub rmse: f64,
     /// The reference's own error.
@@ -459,8 +461,10 @@ pub struct GoalRow {
 pub struct PassRow {
     /// The adapter's label.
     pub backend: String,
-    /// `RGB` or `scalar`.
+    /// The filter, and what it filters where there is a choice.
     pub signal: String,
+    /// Where the images are: `Buffers`, `Textures16`, `its own buffers`.
+    pub images: String,
     /// Width and height.
     pub size: [u32; 2],
     /// `variance`, or `step 4`.

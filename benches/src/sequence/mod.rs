@@ -305,6 +305,8 @@ pub struct SequenceResult {
     pub variant: String,
     /// What is different from SVGF with three passes.
     pub piece: Option<String>,
+    /// What was done, and whether over three channels.
+    pub recipe: (Recipe, bool),
     /// Milliseconds a frame, the median.
     pub ms: f64,
     /// Root mean squared error of the last frame.
@@ -520,6 +522,10 @@ pub fn measure(
             size: [width, height],
             variant: track.variant.name.clone(),
             piece: track.variant.piece.map(Into::into),
+            recipe: (
+                track.variant.recipe,
+                signal == Signal::Reflection || track.variant.as_color,
+            ),
             ms: track.times[track.times.len() / 2],
             rmse: squared.sqrt(),
             reference_rmse: truth.known[reference].1.error,
