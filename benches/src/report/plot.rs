@@ -274,17 +274,6 @@ impl Plot {
                 }
                 root.draw(&Circle::new(p, 4, colour.filled()))
                     .map_err(fail)?;
-                if let Some(label) = series.labels.get(k) {
-                    // To the left where the frame ends, or where another point is.
-                    let crowded =
-                        |q: &(i32, i32)| (1..80).contains(&(q.0 - p.0)) && (q.1 - p.1).abs() < 12;
-                    let (h, x) = if p.0 > right - 70 || pixels.iter().any(crowded) {
-                        (HPos::Right, p.0 - 8)
-                    } else {
-                        (HPos::Left, p.0 + 8)
-                    };
-                    write(label, ink(11, h, VPos::Center), (x, p.1))?;
-                }
             }
             let y = self.legend_row(i);
             line(
@@ -302,6 +291,21 @@ impl Plot {
                 ink(12, HPos::Left, VPos::Center),
                 (left + 42, y),
             )?;
+        }
+        // After all points, so that labels keep clear of each of them.
+        let mut taken: Vec<[i32; 4]> = self
+            .series
+            .iter()
+            .flat_map(|s| s.points.iter().map(&at))
+            .map(|p| [p.0 - 5, p.1 - 5, p.0 + 5, p.1 + 5])
+            .collect();
+        for series in &self.series {
+            let named = series.points.iter().map(&at).zip(&series.labels);
+            for (p, label) in named.filter(|n| !n.1.is_empty()) {
+                let place = Label::place(p, label, &taken, (left, right));
+                taken.push(place.covers);
+                write(label, ink(11, place.from, VPos::Center), place.at)?;
+            }
         }
         root.present().map_err(fail)
     }
@@ -340,9 +344,60 @@ impl Plot {
     }
 }
 
+/// Where a point's label goes.
+struct Label {
+    from: HPos,
+    at: (i32, i32),
+    /// Left, top, right, bottom.
+    covers: [i32; 4],
+}
+
+impl Label {
+    /// The first place of some around the point that is inside the frame and
+    /// covers nothing; of none, the one that covers the fewest.
+    fn place(p: (i32, i32), label: &str, taken: &[[i32; 4]], (left, right): (i32, i32)) -> Self {
+        // A letter of this size is about so wide.
+        let width = (5.8 * label.chars().count() as f64) as i32;
+        let beside = [0, -10, 10].map(|y| (8, y)).into_iter();
+        let places = beside
+            .clone()
+            .chain(beside.map(|(x, y)| (-x - width, y)))
+            .chain([(-width / 2, -14), (-width / 2, 14)]);
+        let cost = |covers: &[i32; 4]| {
+            let outside = covers[0] < left || covers[2] > right + 12;
+            let hit = |t: &&[i32; 4]| {
+                t[0] < covers[2] && covers[0] < t[2] && t[1] < covers[3] && covers[1] < t[3]
+            };
+            (outside, taken.iter().filter(hit).count())
+        };
+        let of = |(x, y): (i32, i32)| {
+            let corner = (p.0 + x, p.1 + y);
+            [corner.0, corner.1 - 6, corner.0 + width, corner.1 + 6]
+        };
+        let covers = places.map(of).min_by_key(cost);
+        // There are eight.
+        let covers = covers.unwrap_or_else(|| of((8, 0)));
+        Self {
+            from: HPos::Left,
+            at: (covers[0], covers[1] + 6),
+            covers,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn labels_keep_clear_of_points_and_of_the_frame() {
+        let clear = Label::place((100, 50), "seven", &[], (60, 600));
+        assert_eq!(clear.at, (108, 50));
+        let crowded = Label::place((100, 50), "seven", &[[110, 45, 120, 55]], (60, 600));
+        assert!(crowded.covers[1] >= 55 || crowded.covers[3] <= 45 || crowded.covers[2] <= 110);
+        let at_the_end = Label::place((590, 50), "a long name for it", &[], (60, 600));
+        assert!(at_the_end.covers[2] <= 600);
+    }
 
     #[test]
     fn tick_texts() {
