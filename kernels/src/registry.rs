@@ -39,6 +39,7 @@ registry! {
     filter / tiles;
     gi / surfel;
     gi / surfel_grid;
+    gi / surfel_irradiance;
     math / exponent;
     math / luminance;
     math / octahedral;

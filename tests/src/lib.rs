@@ -49,6 +49,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/filter/tiles.md")]
 #[doc = include_str!("../../docs/gi/surfel.md")]
 #[doc = include_str!("../../docs/gi/surfel_grid.md")]
+#[doc = include_str!("../../docs/gi/surfel_irradiance.md")]
 #[doc = include_str!("../../docs/math/exponent.md")]
 #[doc = include_str!("../../docs/math/luminance.md")]
 #[doc = include_str!("../../docs/math/octahedral.md")]

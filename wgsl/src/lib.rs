@@ -355,6 +355,8 @@ modules! {
                 "fn surfel_read_irradiance(entry: u32) -> vec3f"
             } "surfel.bindings.wgsl";
         SURFEL_GRID "surfel_grid" ["gi/surfel", "random/pcg"];
+        SURFEL_IRRADIANCE "surfel_irradiance"
+            ["gi/surfel", "math/vector", "random/pcg", "sample/basis", "sample/hemisphere"];
     }
     /// Numeric building blocks.
     math {

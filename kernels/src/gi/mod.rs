@@ -2,3 +2,4 @@
 
 pub mod surfel;
 pub mod surfel_grid;
+pub mod surfel_irradiance;
