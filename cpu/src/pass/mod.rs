@@ -6,6 +6,7 @@
 //! parallel.
 
 pub mod bvh8;
+pub mod surfel;
 pub mod surfel_grid;
 pub mod svgf;
 pub mod tiles;

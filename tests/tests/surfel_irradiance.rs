@@ -1,0 +1,617 @@
+//! What surfels promise over frames: the closed form of a furnace, light that
+//! goes when its source does, spawns as often as stated, and a pool that stays
+//! whole whatever it is shown.
+
+use glam::{UVec3, Vec2, Vec3};
+use raytwin::cpu::pass::surfel::{SurfelHit, SurfelPass, SurfelPixel, SurfelSettings, SurfelView};
+use raytwin::gi::surfel::{SURFEL_WALK, Surfel, surfel_sound};
+use raytwin::gi::surfel_grid::SurfelGrid;
+use raytwin::gi::surfel_irradiance::SURFEL_IRRADIANCE_ALBEDO;
+use raytwin::ray::camera::{Camera, camera_ray};
+use std::f32::consts::PI;
+
+/// The inside of a box: six walls that see each other.
+#[derive(Clone, Copy)]
+struct Room {
+    low: Vec3,
+    size: f32,
+}
+
+impl Room {
+    /// Where a ray from inside leaves, the wall's inward normal and number.
+    fn wall(self, origin: Vec3, direction: Vec3) -> Option<(Vec3, Vec3, u32)> {
+        let mut best = (f32::MAX, Vec3::ZERO, 0);
+        for axis in 0..3 {
+            let d = direction[axis];
+            if d == 0.0 {
+                continue;
+            }
+            let plane = self.low[axis] + if d > 0.0 { self.size } else { 0.0 };
+            let t = (plane - origin[axis]) / d;
+            if t < best.0 {
+                let mut normal = Vec3::ZERO;
+                normal[axis] = -d.signum();
+                best = (t.max(0.0), normal, 2 * axis as u32 + u32::from(d > 0.0));
+            }
+        }
+        (best.0 < f32::MAX).then(|| (origin + direction * best.0, best.1, best.2))
+    }
+
+    /// One of six views of 90 degrees from a point inside.
+    fn view(self, index: u32, width: u32) -> (Vec<SurfelPixel>, Camera) {
+        let middle = self.low + Vec3::new(0.5, 0.5, 0.5) * self.size;
+        let forward = [
+            Vec3::X,
+            Vec3::NEG_X,
+            Vec3::Y,
+            Vec3::NEG_Y,
+            Vec3::Z,
+            Vec3::NEG_Z,
+        ][index as usize % 6];
+        let up = if forward.y == 0.0 { Vec3::Y } else { Vec3::Z };
+        let camera = Camera {
+            origin: middle,
+            right: forward.cross(up),
+            up,
+            forward,
+            inverse_resolution: Vec2::splat(1.0 / width as f32),
+        };
+        let pixels = (0..width * width)
+            .map(|i| {
+                let at = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+                let ray = camera_ray(at, camera);
+                let (position, normal, mesh) =
+                    self.wall(ray.origin, ray.direction).expect("a closed room");
+                SurfelPixel {
+                    position,
+                    normal,
+                    mesh,
+                }
+            })
+            .collect();
+        (pixels, camera)
+    }
+}
+
+fn settings(scale: f32) -> SurfelSettings {
+    SurfelSettings {
+        rate: 1.0,
+        radius: 0.125 * scale,
+        patience: 60_000,
+        ..SurfelSettings::default()
+    }
+}
+
+fn grid(room: Room) -> SurfelGrid {
+    SurfelGrid {
+        origin: room.low,
+        inverse_cell: 4.0 / room.size,
+        size: UVec3::ZERO,
+        slots: 1021,
+        inverse_reach: 0.0,
+    }
+}
+
+const UNIT: Room = Room {
+    low: Vec3::ZERO,
+    size: 1.0,
+};
+
+/// A pool that covers a room, before any light. `part` of the room's size is
+/// the surfels' radius, an eighth or a quarter.
+fn covered(room: Room, part: f32) -> SurfelPass {
+    let settings = settings(room.size * part * 8.0);
+    let grid = SurfelGrid {
+        inverse_cell: 0.5 / (part * room.size),
+        ..grid(room)
+    };
+    let mut pass = SurfelPass::new(settings, grid, 4000, 200_000);
+    pass.settings_mut().budget = 0;
+    let views: Vec<_> = (0..6).map(|i| room.view(i, 128)).collect();
+    for frame in 0..240 {
+        let (pixels, camera) = &views[frame % 6];
+        let view = SurfelView {
+            pixels,
+            width: 128,
+            camera: *camera,
+        };
+        let found = pass.frame(view, |_, _| None, |_| Vec3::ZERO);
+        assert_eq!(
+            (found.dropped, found.homeless, found.entries_dropped),
+            (0, 0, 0)
+        );
+    }
+    pass.settings_mut().budget = 250_000;
+    pass
+}
+
+/// A frame without a camera.
+fn light_up(
+    pass: &mut SurfelPass,
+    room: Room,
+    albedo: f32,
+    emission: impl Fn(Vec3, u32) -> f32 + Sync + Send,
+) {
+    pass.recycle();
+    pass.build();
+    pass.update(
+        |origin, direction| {
+            let (position, normal, wall) = room.wall(origin, direction)?;
+            Some(SurfelHit {
+                position,
+                normal,
+                albedo: Vec3::splat(albedo),
+                emission: Vec3::splat(emission(position, wall)),
+            })
+        },
+        |_| Vec3::ZERO,
+    );
+}
+
+/// Least and largest irradiance of the living.
+fn extremes(pass: &SurfelPass) -> (f32, f32) {
+    pass.surfels()
+        .iter()
+        .zip(pass.irradiances())
+        .filter(|(s, _)| surfel_sound(**s) == 1)
+        .map(|(_, e)| e.x)
+        .fold((f32::MAX, 0.0), |(low, high), e| (low.min(e), high.max(e)))
+}
+
+#[test]
+fn a_furnace_reaches_the_closed_form() {
+    for albedo in [0.2, 0.5, 0.8] {
+        let mut pass = covered(UNIT, 0.125);
+        let most = PI / (1.0 - albedo);
+        let mut frames = 0;
+        for frame in 1..=3000 {
+            light_up(&mut pass, UNIT, albedo, |_, _| 1.0);
+            let (low, high) = extremes(&pass);
+            // Light never grows beyond what the room can hold.
+            assert!(high <= most * 1.00001, "{albedo}: {high} in frame {frame}");
+            let outgoing = |e: f32| 1.0 + albedo * e / PI;
+            let wanted = 1.0 / (1.0 - albedo);
+            if outgoing(low) > wanted * 0.99 {
+                frames = frame;
+                break;
+            }
+        }
+        eprintln!(
+            "albedo {albedo}: within 1 % after {frames} frames, {:?}",
+            pass.statistics()
+        );
+        assert!(frames > 0, "{albedo}: {:?} of {most}", extremes(&pass));
+        // And stays.
+        for _ in 0..500 {
+            light_up(&mut pass, UNIT, albedo, |_, _| 1.0);
+        }
+        let (low, high) = extremes(&pass);
+        let outgoing = |e: f32| (1.0 + albedo * e / PI) * (1.0 - albedo);
+        assert!(
+            outgoing(low) > 0.99 && outgoing(high) < 1.0001,
+            "{low} {high}"
+        );
+    }
+}
+
+#[test]
+fn a_light_that_is_switched_off_dies_away() {
+    for (albedo, longest, frames) in [(0.5f32, 256.0, 2500), (0.8, 64.0, 1000), (1.0, 64.0, 5000)] {
+        let mut pass = covered(UNIT, 0.25);
+        pass.settings_mut().longest = longest;
+        // A lamp in the ceiling: noise, unlike a furnace.
+        let lamp = |p: Vec3, wall: u32| {
+            f32::from(u8::from(
+                wall == 3 && (p - Vec3::splat(0.5)).with_y(0.0).length() < 0.2,
+            ))
+        };
+        let bound = PI / (1.0 - albedo.min(SURFEL_IRRADIANCE_ALBEDO));
+        for _ in 0..600 {
+            light_up(&mut pass, UNIT, albedo, lamp);
+            assert!(extremes(&pass).1 < bound);
+        }
+        let lit = extremes(&pass);
+        let mean = |pass: &SurfelPass| {
+            let sum: f64 = pass.irradiances().iter().map(|e| f64::from(e.x)).sum();
+            sum / f64::from(pass.statistics().alive)
+        };
+        let before = mean(&pass);
+        let mut halves = Vec::new();
+        for frame in 1..=frames {
+            light_up(&mut pass, UNIT, albedo, |_, _| 0.0);
+            let left = mean(&pass) / before;
+            while left < 0.5f64.powi(halves.len() as i32 + 1) && halves.len() < 10 {
+                halves.push(frame);
+            }
+        }
+        let after = extremes(&pass);
+        eprintln!(
+            "albedo {albedo}: lit {lit:?}, mean {before}, halves at {halves:?}, after {after:?}"
+        );
+        assert!(after.1 < 1e-3 * lit.1, "{albedo}: {after:?} of {lit:?}");
+    }
+}
+
+/// A wall z = 0 seen from a distance along a tilted axis.
+fn wall_view(distance: f32, tilt: f32, width: u32, height: u32) -> (Vec<SurfelPixel>, Camera) {
+    let forward = Vec3::new(-tilt.sin(), 0.0, -tilt.cos());
+    let right = forward.cross(Vec3::Y);
+    let camera = Camera {
+        origin: forward * -distance,
+        right: right * 0.5 * (width as f32 / height as f32),
+        up: Vec3::Y * 0.5,
+        forward,
+        inverse_resolution: Vec2::new(1.0 / width as f32, 1.0 / height as f32),
+    };
+    let pixels = (0..width * height)
+        .map(|i| {
+            let at = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let ray = camera_ray(at, camera);
+            let t = -ray.origin.z / ray.direction.z;
+            SurfelPixel {
+                position: ray.origin + ray.direction * t,
+                normal: Vec3::Z,
+                mesh: 0,
+            }
+        })
+        .collect();
+    (pixels, camera)
+}
+
+fn plane_grid(cell: f32) -> SurfelGrid {
+    SurfelGrid {
+        origin: Vec3::ZERO,
+        inverse_cell: 1.0 / cell,
+        size: UVec3::ZERO,
+        slots: 4093,
+        inverse_reach: 0.0,
+    }
+}
+
+fn look(pass: &mut SurfelPass, pixels: &[SurfelPixel], width: u32, camera: Camera) -> u32 {
+    let view = SurfelView {
+        pixels,
+        width,
+        camera,
+    };
+    pass.frame(view, |_, _| None, |_| Vec3::ZERO).spawned
+}
+
+#[test]
+fn spawns_follow_the_stated_chance() {
+    // Tilted, so that tiles see areas of different size; the last column and
+    // row of tiles are cut.
+    let (width, height, frames) = (100, 56, 10_000);
+    let (pixels, camera) = wall_view(2.0, 0.5, width, height);
+    let nothing = vec![
+        SurfelPixel {
+            position: Vec3::ZERO,
+            normal: Vec3::ZERO,
+            mesh: 0,
+        };
+        (width * height) as usize
+    ];
+    let settings = SurfelSettings {
+        rate: 0.05,
+        radius: 0.125,
+        patience: 0,
+        ..SurfelSettings::default()
+    };
+    let across = width.div_ceil(16);
+    let tiles = (across * height.div_ceil(16)) as usize;
+    let mut counts = vec![0u32; tiles];
+    let mut pass = SurfelPass::new(settings, plane_grid(0.5), 1000, 10_000);
+    for _ in 0..frames {
+        look(&mut pass, &pixels, width, camera);
+        for surfel in pass.surfels().iter().filter(|s| surfel_sound(**s) == 1) {
+            let at = pixels
+                .iter()
+                .position(|p| p.position == surfel.position)
+                .expect("on a pixel") as u32;
+            counts[(at / width / 16 * across + at % width / 16) as usize] += 1;
+        }
+        // Two frames that see nothing: whoever is there goes.
+        look(&mut pass, &nothing, width, camera);
+        look(&mut pass, &nothing, width, camera);
+        assert_eq!(pass.statistics().alive, 0);
+    }
+    // The area on the wall that the tile's first pixel sees, by its corners
+    // in double precision; all coverages are 0, so that pixel is the key.
+    let on_wall = |x: f64, y: f64| {
+        let (right, up) = (camera.right.as_dvec3(), camera.up.as_dvec3());
+        let to = right * (2.0 * x / f64::from(width) - 1.0)
+            + up * (1.0 - 2.0 * y / f64::from(height))
+            + camera.forward.as_dvec3();
+        let origin = camera.origin.as_dvec3();
+        origin - to * (origin.z / to.z)
+    };
+    let mut chi = 0.0;
+    let mut chances = Vec::new();
+    for (tile, count) in counts.iter().enumerate() {
+        let (left, top) = (tile as u32 % across * 16, tile as u32 / across * 16);
+        let (x, y) = (f64::from(left), f64::from(top));
+        let (a, b) = (on_wall(x + 1.0, y), on_wall(x, y + 1.0));
+        let (c, d) = (on_wall(x, y), on_wall(x + 1.0, y + 1.0));
+        let area = 0.5 * (d - c).cross(a - b).length();
+        let pixels = f64::from((width - left).min(16) * (height - top).min(16));
+        let disc = std::f64::consts::PI * 0.125 * 0.125;
+        let chance = (0.8 * area * pixels / disc * 0.05).min(1.0);
+        let (n, k) = (f64::from(frames), f64::from(*count));
+        if chance == 1.0 {
+            assert_eq!(*count, frames);
+            continue;
+        }
+        chances.push(chance);
+        chi += (k - n * chance).powi(2) / (n * chance * (1.0 - chance));
+    }
+    let low = chances.iter().copied().fold(1.0, f64::min);
+    let high = chances.iter().copied().fold(0.0, f64::max);
+    // Mean of the distribution, and four and a half of its deviations.
+    let freedom = chances.len() as f64;
+    let limit = 4.5 * (2.0 * freedom).sqrt();
+    eprintln!("{freedom} tiles with chances {low:.4} to {high:.4}: chi-square {chi:.1}");
+    assert!(
+        high > 4.0 * low && (chi - freedom).abs() < limit,
+        "{chi} of {freedom}"
+    );
+}
+
+#[test]
+fn no_flood_close_to_a_wall() {
+    let settings = SurfelSettings {
+        rate: 1.0,
+        ..SurfelSettings::default()
+    };
+    // 0.8 of coverage take 0.8/(0.3 pi r^2) surfels a square metre if they are
+    // spread evenly, and up to three times as many for every pixel to have it.
+    for distance in [0.05f32, 0.5, 5.0] {
+        let (width, height) = (640, 360);
+        let (pixels, camera) = wall_view(distance, 0.0, width, height);
+        let mut pass = SurfelPass::new(settings, plane_grid(0.25), 20_000, 400_000);
+        let mut worst = 0;
+        for _ in 0..100 {
+            worst = look(&mut pass, &pixels, width, camera).max(worst);
+        }
+        let alive = pass.statistics().alive;
+        let area = distance * distance * 640.0 / 360.0;
+        let most = 4 + (3.0 * 0.8 * area / (0.3 * PI * 0.01)) as u32;
+        eprintln!("{distance} m: {alive} surfels for {area:.4} m2, {worst} in a frame");
+        assert!(alive > 0 && alive <= most, "{distance}: {alive}");
+        // Once covered, no more.
+        let mut more = 0;
+        for _ in 0..100 {
+            more += look(&mut pass, &pixels, width, camera);
+        }
+        assert!(
+            more * 10 <= alive.max(20),
+            "{distance}: {more} after {alive}"
+        );
+    }
+}
+
+#[test]
+fn a_full_pool_drops_and_goes_on() {
+    let views: Vec<_> = (0..6).map(|i| UNIT.view(i, 128)).collect();
+    for (capacity, entries) in [(0, 1000), (1, 1000), (100, 100_000), (400, 0), (400, 1500)] {
+        let settings = settings(1.0);
+        let mut pass = SurfelPass::new(settings, grid(UNIT), capacity, entries);
+        let (mut dropped, mut lists) = (0, 0);
+        for frame in 0..300 {
+            let (pixels, camera) = &views[frame % 6];
+            let view = SurfelView {
+                pixels,
+                width: 128,
+                camera: *camera,
+            };
+            let found = pass.frame(view, |_, _| None, |_| Vec3::ZERO);
+            dropped += found.dropped;
+            lists += found.entries_dropped;
+            assert!(found.alive <= capacity && found.rays <= 250_000);
+            let sound = pass.surfels().iter().filter(|s| surfel_sound(**s) == 1);
+            assert_eq!(sound.count(), found.alive as usize);
+            assert!(pass.grid().entries().len() <= entries as usize);
+            // What is in view stays: a full pool gives up the unseen alone.
+            if capacity == 100 && frame > 30 {
+                assert!(found.alive > 0);
+            }
+        }
+        assert!(dropped > 0 || lists > 0, "{capacity} {entries}");
+        assert_eq!(lists > 0, entries < 2000 && capacity == 400);
+    }
+}
+
+#[test]
+fn a_camera_that_jumps_finds_its_surfels_again() {
+    let far = Room {
+        low: Vec3::new(900.0, -300.0, 50.0),
+        size: 1.0,
+    };
+    let views: Vec<Vec<_>> = [UNIT, far]
+        .iter()
+        .map(|room| (0..6).map(|i| room.view(i, 128)).collect())
+        .collect();
+    // Room for one of the rooms, not for both.
+    let settings = SurfelSettings {
+        patience: 30,
+        ..settings(1.0)
+    };
+    let mut pass = SurfelPass::new(settings, grid(UNIT), 800, 200_000);
+    let mut recycled = 0;
+    for jump in 0..8 {
+        let room = [UNIT, far][jump % 2];
+        for frame in 0..150 {
+            let (pixels, camera) = &views[jump % 2][frame % 6];
+            let view = SurfelView {
+                pixels,
+                width: 128,
+                camera: *camera,
+            };
+            let found = pass.frame(
+                view,
+                |origin, direction| {
+                    let (position, normal, _) = room.wall(origin, direction)?;
+                    Some(SurfelHit {
+                        position,
+                        normal,
+                        albedo: Vec3::splat(0.5),
+                        emission: Vec3::ONE,
+                    })
+                },
+                |_| Vec3::ZERO,
+            );
+            recycled += found.recycled;
+            assert!(found.alive <= 800);
+        }
+        // What is seen now is covered and lit.
+        let mut bare = 0;
+        for p in views[jump % 2].iter().flat_map(|v| &v.0) {
+            let light = pass.gather(p.position, p.normal);
+            bare += u32::from(light.weight == 0.0);
+            assert!(light.irradiance.is_finite() && light.irradiance.x <= 2.0 * PI * 1.00001);
+        }
+        assert!(bare < 6 * 128 * 128 / 100, "{jump}: {bare}");
+    }
+    assert!(recycled > 1000, "{recycled}");
+}
+
+#[test]
+fn broken_pixels_spawn_nothing_and_broken_hits_light_nothing() {
+    let (mut pixels, camera) = UNIT.view(0, 128);
+    let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30];
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        let b = bad[i % 4];
+        match i / 4 % 5 {
+            0 => pixel.normal = Vec3::ZERO,
+            1 => pixel.normal = Vec3::new(b, 0.0, 0.0),
+            2 => pixel.normal.y = b,
+            3 => pixel.position.z = b,
+            _ => pixel.position = Vec3::splat(b),
+        }
+    }
+    let mut pass = SurfelPass::new(settings(1.0), grid(UNIT), 1000, 100_000);
+    for _ in 0..50 {
+        assert_eq!(look(&mut pass, &pixels, 128, camera), 0);
+    }
+    // Cameras that are none.
+    let (good, _) = UNIT.view(0, 128);
+    for b in bad {
+        for member in 0..4 {
+            let mut broken = camera;
+            match member {
+                0 => broken.origin.x = b,
+                1 => broken.right.y = b,
+                2 => broken.forward = Vec3::splat(b),
+                _ => broken.inverse_resolution.x = b,
+            }
+            look(&mut pass, &good, 128, broken);
+        }
+    }
+    for s in pass.surfels() {
+        assert!(s.position.is_finite() && s.normal.is_finite() && s.radius.is_finite());
+    }
+    assert_eq!(look(&mut pass, &[], 0, camera), 0);
+    assert_eq!(look(&mut pass, &good[..100], 128, camera), 0);
+    // Surfaces whose numbers are broken.
+    let mut pass = covered(UNIT, 0.125);
+    for frame in 0..20 {
+        pass.recycle();
+        pass.build();
+        pass.update(
+            |origin, direction| {
+                let (position, normal, wall) = UNIT.wall(origin, direction)?;
+                let b = bad[frame % 4];
+                let of = |w: u32, v: Vec3| if wall == w { Vec3::splat(b) } else { v };
+                Some(SurfelHit {
+                    position: of(0, position),
+                    normal: of(1, normal),
+                    albedo: of(2, Vec3::splat(0.5)),
+                    emission: of(3, Vec3::ONE),
+                })
+            },
+            |hit| {
+                if hit.normal.z > 0.5 {
+                    Vec3::NAN
+                } else {
+                    Vec3::ZERO
+                }
+            },
+        );
+        for e in pass.irradiances() {
+            assert!(
+                e.is_finite() && e.min_element() >= 0.0 && e.max_element() < 10.0,
+                "{e}"
+            );
+        }
+    }
+    assert!(extremes(&pass).0 > 1.0);
+}
+
+#[test]
+fn a_scene_of_any_scale_has_the_same_light() {
+    let run = |room: Room| {
+        let mut pass = covered(room, 0.125);
+        for _ in 0..60 {
+            light_up(&mut pass, room, 0.5, |p, wall| {
+                let up = (p - room.low) / room.size;
+                if wall == 3 && up.x < 0.5 { 2.0 } else { 0.1 }
+            });
+        }
+        pass
+    };
+    let unit = run(UNIT);
+    // By a power of two: the same bits.
+    for power in [-10, 10] {
+        let size = 2f32.powi(power);
+        let scaled = run(Room { size, ..UNIT });
+        for (a, b) in unit.surfels().iter().zip(scaled.surfels()) {
+            assert_eq!(a.position * size, b.position);
+        }
+        assert_eq!(unit.irradiances(), scaled.irradiances());
+    }
+    // By a thousand: other random choices may be made, the light is the same.
+    let mean = |pass: &SurfelPass| {
+        let sum: f64 = pass.irradiances().iter().map(|e| f64::from(e.x)).sum();
+        sum / f64::from(pass.statistics().alive)
+    };
+    for size in [1e-3, 1e3] {
+        let scaled = run(Room { size, ..UNIT });
+        let (a, b) = (mean(&unit), mean(&scaled));
+        eprintln!(
+            "scale {size}: {} surfels, mean {b} of {a}",
+            scaled.statistics().alive
+        );
+        assert!((a / b - 1.0).abs() < 0.02, "{size}: {a} {b}");
+    }
+}
+
+#[test]
+fn a_million_lookups_in_the_worst_cell() {
+    let mut pass = SurfelPass::new(settings(1.0), grid(UNIT), 20_000, 1 << 20);
+    // Far more in one place than a lookup walks.
+    for i in 0..20_000 {
+        let off = Vec3::new((i % 100) as f32, (i / 100) as f32, 0.0) * 1e-4;
+        let slot = pass.insert(Surfel {
+            position: Vec3::splat(0.12) + off,
+            radius: 0.1,
+            normal: Vec3::Z,
+            mesh: 0,
+        });
+        assert_eq!(slot, Some(i));
+    }
+    assert_eq!(pass.insert(pass.surfels()[0]), None);
+    pass.build();
+    let point = Vec3::new(0.125, 0.13, 0.12);
+    assert!(pass.grid().list(point).y > 10 * SURFEL_WALK);
+    std::thread::scope(|scope| {
+        for part in 0..4u32 {
+            let pass = &pass;
+            scope.spawn(move || {
+                for i in part * 250_000..(part + 1) * 250_000 {
+                    let at = point + Vec3::X * (i as f32 * 1e-9);
+                    let weight = pass.gather(at, Vec3::Z).weight;
+                    assert!(weight > 1.0 && weight < SURFEL_WALK as f32);
+                }
+            });
+        }
+    });
+}
