@@ -8,6 +8,7 @@ use raytwin::gi::surfel::{SURFEL_WALK, Surfel, surfel_sound};
 use raytwin::gi::surfel_grid::SurfelGrid;
 use raytwin::gi::surfel_irradiance::SURFEL_IRRADIANCE_ALBEDO;
 use raytwin::ray::camera::{Camera, camera_ray};
+use raytwin_tests::gpu::{Build, Gpu, adapters, entry_module};
 use std::f32::consts::PI;
 
 /// The inside of a box: six walls that see each other.
@@ -365,7 +366,7 @@ fn no_flood_close_to_a_wall() {
     // 0.8 of coverage take 0.8/(0.3 pi r^2) surfels a square metre if they are
     // spread evenly, and up to three times as many for every pixel to have it.
     for distance in [0.05f32, 0.5, 5.0] {
-        let (width, height) = (640, 360);
+        let (width, height) = (320, 180);
         let (pixels, camera) = wall_view(distance, 0.0, width, height);
         let mut pass = SurfelPass::new(settings, plane_grid(0.25), 20_000, 400_000);
         let mut worst = 0;
@@ -614,4 +615,328 @@ fn a_million_lookups_in_the_worst_cell() {
             });
         }
     });
+}
+
+/// A pool on an adapter: the passes of `gi/surfel` and `gi/surfel_grid`.
+struct GpuPool<'a> {
+    gpu: &'a Gpu,
+    capacity: u32,
+    entries: u32,
+    settings: SurfelSettings,
+    grid: SurfelGrid,
+    /// Pass, its bind group and its pipeline.
+    passes: Vec<(wgpu::BindGroup, wgpu::ComputePipeline)>,
+    uniform: wgpu::Buffer,
+    grid_uniform: wgpu::Buffer,
+    pixels: wgpu::Buffer,
+    surfels: wgpu::Buffer,
+    unseen: wgpu::Buffer,
+    free: wgpu::Buffer,
+    counts: wgpu::Buffer,
+    lost: wgpu::Buffer,
+}
+
+const GRID_PASSES: [&str; 4] = ["count", "sum", "scatter", "sort"];
+
+fn words_of_surfels(surfels: &[Surfel]) -> Vec<u32> {
+    surfels
+        .iter()
+        .flat_map(|s| {
+            let (p, n) = (s.position, s.normal);
+            let bits = [p.x, p.y, p.z, s.radius, n.x, n.y, n.z].map(f32::to_bits);
+            bits.into_iter().chain([s.mesh])
+        })
+        .collect()
+}
+
+impl<'a> GpuPool<'a> {
+    fn new(
+        gpu: &'a Gpu,
+        settings: SurfelSettings,
+        grid: SurfelGrid,
+        capacity: u32,
+        entries: u32,
+        (width, height): (u32, u32),
+    ) -> Self {
+        let link = |names: &[&str]| raytwin::wgsl::link(names).expect("registered");
+        let pool = link(&["gi/surfel_irradiance", "gi/surfel_grid"]) + raytwin::wgsl::pass::SURFEL;
+        let lists = link(&["gi/surfel_grid"])
+            + raytwin::wgsl::module("gi/surfel")
+                .and_then(|m| m.bindings)
+                .expect("has bindings")
+            + raytwin::wgsl::pass::SURFEL_GRID;
+        let slots = grid.slots as usize;
+        let empty = Surfel {
+            position: Vec3::ZERO,
+            radius: 0.0,
+            normal: Vec3::Z,
+            mesh: 0,
+        };
+        let uniform = |size| {
+            gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let mut made = Self {
+            gpu,
+            capacity,
+            entries,
+            settings,
+            grid,
+            passes: Vec::new(),
+            uniform: uniform(176),
+            grid_uniform: uniform(64),
+            pixels: gpu.buffer(&vec![0; (width * height * 8) as usize]),
+            surfels: gpu.buffer(&words_of_surfels(&vec![empty; capacity as usize])),
+            unseen: gpu.buffer(&vec![0; capacity as usize]),
+            free: gpu.buffer(&vec![0; capacity as usize + 4]),
+            counts: gpu.buffer(&vec![0; slots]),
+            lost: gpu.buffer(&[0; 2]),
+        };
+        let tiles = width.div_ceil(16) * height.div_ceil(16);
+        let keys = gpu.buffer(&vec![0; tiles as usize]);
+        let first = gpu.buffer(&vec![0; slots]);
+        let lengths = gpu.buffer(&vec![0; slots]);
+        let list = gpu.buffer(&vec![0; entries as usize]);
+        // True: read only. The uniform comes first.
+        let of_pool = [
+            (&made.uniform, true),
+            (&made.pixels, true),
+            (&made.surfels, false),
+            (&made.unseen, false),
+            (&made.free, false),
+            (&keys, false),
+            (&first, true),
+            (&lengths, true),
+            (&list, true),
+        ];
+        let of_lists = [
+            (&made.grid_uniform, true),
+            (&made.surfels, true),
+            (&first, false),
+            (&made.counts, false),
+            (&list, false),
+            (&made.lost, false),
+            (&lengths, false),
+        ];
+        let mut passes = vec![made.pass(&pool, "surfel_pass_recycle", &of_pool)];
+        for name in GRID_PASSES {
+            let name = format!("surfel_grid_pass_{name}");
+            passes.push(made.pass(&lists, &name, &of_lists));
+        }
+        passes.push(made.pass(&pool, "surfel_pass_cover", &of_pool));
+        passes.push(made.pass(&pool, "surfel_pass_spawn", &of_pool));
+        made.passes = passes;
+        made
+    }
+
+    fn pass(
+        &self,
+        source: &str,
+        entry: &str,
+        buffers: &[(&wgpu::Buffer, bool)],
+    ) -> (wgpu::BindGroup, wgpu::ComputePipeline) {
+        let device = self.gpu.device();
+        // Where there is no precise build, the processor's bits are not promised.
+        let module = entry_module(self.gpu, entry, source, Build::Precise, entry)
+            .unwrap_or_else(|e| panic!("{entry}: {e}"));
+        let kind = |binding: usize, read_only| match binding {
+            0 => wgpu::BufferBindingType::Uniform,
+            _ => wgpu::BufferBindingType::Storage { read_only },
+        };
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &(0u32..)
+                .zip(buffers)
+                .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
+                    binding,
+                    visibility: wgpu::ShaderStages::COMPUTE,
+                    ty: wgpu::BindingType::Buffer {
+                        ty: kind(binding as usize, b.1),
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    count: None,
+                })
+                .collect::<Vec<_>>(),
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &(0u32..)
+                .zip(buffers)
+                .map(|(binding, b)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: b.0.as_entire_binding(),
+                })
+                .collect::<Vec<_>>(),
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        (group, pipeline)
+    }
+
+    /// One frame; free slots at its start, recycled, spawned, dropped.
+    fn frame(&self, frame: u32, view: SurfelView<'_>) -> Vec<u32> {
+        let queue = self.gpu.queue();
+        let bytes =
+            |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|w| w.to_le_bytes()).collect() };
+        let (g, c, s) = (self.grid, view.camera, self.settings);
+        let vector = |v: Vec3| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits()];
+        let mut lists = Vec::new();
+        lists.extend(vector(g.origin));
+        lists.push(g.inverse_cell.to_bits());
+        lists.extend([g.size.x, g.size.y, g.size.z, g.slots]);
+        lists.extend([g.inverse_reach.to_bits(), 0, 0, 0]);
+        let height = view.pixels.len() as u32 / view.width;
+        let mut words = Vec::new();
+        for v in [c.origin, c.right, c.up, c.forward] {
+            words.extend(vector(v));
+            words.push(0);
+        }
+        words.extend(c.inverse_resolution.to_array().map(f32::to_bits));
+        words.extend([0, 0]);
+        words.extend(&lists);
+        words.extend([view.width, height, frame, self.capacity]);
+        let numbers = [s.target_coverage, s.rate, s.radius, s.radius_per_depth];
+        words.extend(numbers.map(f32::to_bits));
+        words.extend([s.patience, 0, 0, 0]);
+        lists.extend([self.capacity, self.entries, 0, 0]);
+        queue.write_buffer(&self.uniform, 0, &bytes(&words));
+        queue.write_buffer(&self.grid_uniform, 0, &bytes(&lists));
+        let pixels: Vec<u32> = view
+            .pixels
+            .iter()
+            .flat_map(|p| {
+                let (a, b) = (vector(p.position), vector(p.normal));
+                [a[0], a[1], a[2], p.mesh, b[0], b[1], b[2], 0]
+            })
+            .collect();
+        queue.write_buffer(&self.pixels, 0, &bytes(&pixels));
+        let mut encoder = self
+            .gpu
+            .device()
+            .create_command_encoder(&Default::default());
+        encoder.clear_buffer(&self.counts, 0, None);
+        encoder.clear_buffer(&self.lost, 0, None);
+        let each = self.capacity.div_ceil(64);
+        let groups = [
+            (1, 1),
+            (each, 1),
+            (1, 1),
+            (each, 1),
+            (g.slots.div_ceil(64), 1),
+            (view.width.div_ceil(16), height.div_ceil(16)),
+            (1, 1),
+        ];
+        for ((group, pipeline), (x, y)) in self.passes.iter().zip(groups) {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        queue.submit([encoder.finish()]);
+        self.gpu.read(&self.free, 4)
+    }
+}
+
+/// A camera that flies through the room and turns; some of what it sees is no
+/// surface, some is broken.
+fn flight(frame: u32) -> (Vec<SurfelPixel>, Camera) {
+    let t = frame as f32 * 0.11;
+    let forward = Vec3::new(t.cos(), 0.3 * (1.7 * t).sin(), t.sin()).normalize();
+    let right = forward.cross(Vec3::Y).normalize();
+    let (width, height) = FLIGHT;
+    let camera = Camera {
+        origin: Vec3::new(0.5, 0.4, 0.5) + Vec3::new(t.sin(), 0.3 * t.cos(), t.cos()) * 0.3,
+        right: right * 0.9,
+        up: right.cross(forward) * 0.5,
+        forward,
+        inverse_resolution: Vec2::new(1.0 / width as f32, 1.0 / height as f32),
+    };
+    let pixels = (0..width * height)
+        .map(|i| {
+            let at = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let ray = camera_ray(at, camera);
+            let wall = UNIT.wall(ray.origin, ray.direction);
+            let (position, normal, mesh) = wall.expect("a closed room");
+            let odd = match i % 97 {
+                0 => Vec3::ZERO,
+                1 => Vec3::splat(f32::NAN),
+                _ => normal,
+            };
+            SurfelPixel {
+                position,
+                normal: odd,
+                mesh,
+            }
+        })
+        .collect();
+    (pixels, camera)
+}
+
+/// Not whole tiles.
+const FLIGHT: (u32, u32) = (150, 90);
+
+#[test]
+fn an_adapter_has_the_same_surfels_after_64_frames() {
+    for gpu in adapters()
+        .expect("an adapter")
+        .iter()
+        .filter(|g| g.has_precise())
+    {
+        // Room for all; and too little, so that surfels are given up and dropped.
+        for (capacity, patience) in [(2000, 60_000), (2000, 6), (150, 20)] {
+            let settings = SurfelSettings {
+                patience,
+                ..settings(1.0)
+            };
+            let entries = 60_000;
+            let mut cpu = SurfelPass::new(settings, grid(UNIT), capacity, entries);
+            cpu.settings_mut().budget = 0;
+            let pool = GpuPool::new(gpu, settings, grid(UNIT), capacity, entries, FLIGHT);
+            let mut total = [0; 3];
+            for frame in 0..64 {
+                let (pixels, camera) = flight(frame);
+                let view = SurfelView {
+                    pixels: &pixels,
+                    width: FLIGHT.0,
+                    camera,
+                };
+                let s = cpu.frame(view, |_, _| None, |_| Vec3::ZERO);
+                let counts = pool.frame(frame, view);
+                let label = format!("{}, {capacity}, {patience}, frame {frame}", gpu.label());
+                let ours = [s.recycled, s.spawned, s.dropped];
+                assert_eq!(&counts[1..], ours, "{label}");
+                for (sum, count) in total.iter_mut().zip(ours) {
+                    *sum += count;
+                }
+            }
+            let words = gpu.read(&pool.surfels, capacity as usize * 8);
+            assert_eq!(words, words_of_surfels(cpu.surfels()), "{}", gpu.label());
+            let unseen = gpu.read(&pool.unseen, capacity as usize);
+            assert_eq!(unseen, cpu.unseen(), "{}", gpu.label());
+            let alive = cpu.statistics().alive;
+            eprintln!("{capacity} slots: {alive} alive; recycled, spawned, dropped {total:?}");
+            assert!(alive > 50 && total[1] >= alive);
+            assert_eq!(
+                (total[0] > 0, total[2] > 0),
+                (patience < 100, capacity == 150)
+            );
+        }
+    }
 }

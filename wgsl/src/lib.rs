@@ -81,6 +81,9 @@ pub enum Images {
 /// appended to the linked module of the same name. Those in [`PASSES`] have
 /// their images bound by [`link_pass`].
 pub mod pass {
+    /// After `gi/surfel_irradiance` and `gi/surfel_grid`: a pool of surfels that
+    /// follows what the camera sees.
+    pub const SURFEL: &str = include_str!("gi/surfel.pass.wgsl");
     /// `gi/surfel_grid`: the lists of all cells.
     pub const SURFEL_GRID: &str = include_str!("gi/surfel_grid.pass.wgsl");
     /// `filter/svgf` for colours.

@@ -226,13 +226,14 @@ impl SurfelPass {
         let mut recycled = 0;
         for slot in (0..self.surfels.len()).rev() {
             let unseen = self.unseen[slot].get_mut();
-            let taken = self.surfels[slot] != FREE;
-            if taken && surfel_irradiance_recycle(self.surfels[slot], *unseen, patience) == 1 {
+            if taken(self.surfels[slot])
+                && surfel_irradiance_recycle(self.surfels[slot], *unseen, patience) == 1
+            {
                 recycled += 1;
                 self.surfels[slot] = FREE;
             }
             *unseen = unseen.saturating_add(1);
-            if self.surfels[slot] == FREE {
+            if !taken(self.surfels[slot]) {
                 self.free.push(slot as u32);
             }
         }
@@ -452,6 +453,13 @@ impl SurfelPass {
         &self.surfels
     }
 
+    /// Frames since each slot was last seen, as of the last [`Self::cover`].
+    #[must_use]
+    pub fn unseen(&self) -> Vec<u32> {
+        let get = |u: &AtomicU32| u.load(Ordering::Relaxed);
+        self.unseen.iter().map(get).collect()
+    }
+
     /// Their irradiances.
     #[must_use]
     pub fn irradiances(&self) -> &[Vec3] {
@@ -474,6 +482,11 @@ impl SurfelPass {
     pub fn statistics(&self) -> SurfelStatistics {
         self.statistics
     }
+}
+
+/// Whether a slot has a surfel, sound or not.
+fn taken(surfel: Surfel) -> bool {
+    surfel.radius != 0.0
 }
 
 /// Whether a pixel has a surface that a surfel can lie on.

@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 use std::sync::mpsc;
 
 pub(crate) use program::shader_module;
-pub use program::{Build, Program, ProgramError, pass_module, shader_source};
+pub use program::{Build, Program, ProgramError, entry_module, pass_module, shader_source};
 
 /// Names of the environment variables that choose adapters and drivers.
 pub const ADAPTER_VARIABLE: &str = "RAYTWIN_ADAPTER";

@@ -294,7 +294,22 @@ pub(crate) fn shader_module(
     source: &str,
     build: Build,
 ) -> Result<wgpu::ShaderModule, ProgramError> {
-    entry_module(gpu, name, source, "raytwin_main", BTreeMap::new(), build)
+    entry_module(gpu, name, source, build, "raytwin_main")
+}
+
+/// Compiles one entry point of a WGSL program in one of the two builds. Each of
+/// its groups must have its bindings numbered from 0 on.
+///
+/// # Errors
+/// If the program does not compile, or the adapter takes no SPIR-V.
+pub fn entry_module(
+    gpu: &Gpu,
+    name: &str,
+    source: &str,
+    build: Build,
+    entry: &str,
+) -> Result<wgpu::ShaderModule, ProgramError> {
+    placed_module(gpu, name, source, entry, BTreeMap::new(), build)
 }
 
 /// A pass of the feature `gpu` in one of the two builds: give it to the pass's
@@ -317,10 +332,10 @@ pub fn pass_module(
         (known, seen)
     });
     let name = program.entry;
-    entry_module(gpu, name, program.source, name, places.collect(), build)
+    placed_module(gpu, name, program.source, name, places.collect(), build)
 }
 
-fn entry_module(
+fn placed_module(
     gpu: &Gpu,
     name: &str,
     source: &str,
