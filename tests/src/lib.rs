@@ -12,6 +12,7 @@ pub mod crosscheck;
 pub mod derive;
 pub mod docs;
 pub mod embree;
+pub mod golden;
 pub mod gpu;
 pub mod interval;
 pub mod measure;

@@ -42,6 +42,8 @@ enum Task {
     Setup,
     /// Write the contracts' tables into the pages under docs/.
     Docs,
+    /// Write each kernel's golden vectors into tests/golden.
+    Golden,
 }
 
 fn main() -> ExitCode {
@@ -52,7 +54,8 @@ fn main() -> ExitCode {
         Task::Report { arguments } => report(&root, &arguments),
         Task::Test { full } => test(&root, full),
         Task::Setup => setup(&root).map(drop),
-        Task::Docs => docs(&root),
+        Task::Docs => example(&root, "docs"),
+        Task::Golden => example(&root, "golden"),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -161,19 +164,17 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
     tests.finish()
 }
 
-fn docs(root: &Path) -> Result<(), Failure> {
+/// Runs an example of the tests' crate.
+fn example(root: &Path, name: &'static str) -> Result<(), Failure> {
     let environment = Environment::bare(root);
-    environment.cargo(
-        "docs",
-        &[
-            "run",
-            "--quiet",
-            "--package",
-            "raytwin-tests",
-            "--example",
-            "docs",
-        ],
-        &[],
-    )?;
+    let arguments = [
+        "run",
+        "--quiet",
+        "--package",
+        "raytwin-tests",
+        "--example",
+        name,
+    ];
+    environment.cargo(name, &arguments, &[])?;
     Ok(())
 }
