@@ -49,7 +49,7 @@ fn render(camera: Camera) -> Frame {
             } else {
                 (f32::INFINITY, Vec3::Y)
             };
-            let sky = !(t < 40.0);
+            let sky = t >= 40.0;
             let depth = if sky {
                 0.0
             } else {
