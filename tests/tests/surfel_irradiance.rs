@@ -900,7 +900,7 @@ fn an_adapter_has_the_same_surfels_after_64_frames() {
         .filter(|g| g.has_precise())
     {
         // Room for all; and too little, so that surfels are given up and dropped.
-        for (capacity, patience) in [(2000, 60_000), (2000, 6), (150, 20)] {
+        for (capacity, patience) in [(2000, 60_000), (2000, 6), (60, 20)] {
             let settings = SurfelSettings {
                 patience,
                 ..settings(1.0)
@@ -932,10 +932,10 @@ fn an_adapter_has_the_same_surfels_after_64_frames() {
             assert_eq!(unseen, cpu.unseen(), "{}", gpu.label());
             let alive = cpu.statistics().alive;
             eprintln!("{capacity} slots: {alive} alive; recycled, spawned, dropped {total:?}");
-            assert!(alive > 50 && total[1] >= alive);
+            assert!(alive > 30 && total[1] >= alive);
             assert_eq!(
                 (total[0] > 0, total[2] > 0),
-                (patience < 100, capacity == 150)
+                (patience < 100, capacity == 60)
             );
         }
     }
