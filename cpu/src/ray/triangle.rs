@@ -5,11 +5,15 @@ use glam::{Vec2, Vec3};
 use super::aabb::{AABB_WIDEN, aabb_max, aabb_min, aabb_slab_local};
 use super::plane::plane_divides;
 use super::ray::{Ray, RayShear, ray_rotate, ray_shear};
-use crate::math::vector::{vec3_cross, vec3_dot};
+use crate::math::vector::{vec3_cross, vec3_dot, vec3_normalize};
 
 /// A triangle's box grows on each side by this part, 2^-20, of its largest
 /// extent: more than the watertight test can shift an edge.
 pub const TRIANGLE_PAD: f32 = 1.0 / 1_048_576.0;
+
+/// An edge of which no component reaches this, 2^-100, has no length, and a
+/// triangle whose edges, brought to size one, span less has no area.
+pub const TRIANGLE_FLAT: f32 = f32::from_bits((127 - 100) << 23);
 
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,6 +217,60 @@ pub fn triangle_intersect_watertight(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -> Tri
     triangle_intersect_sheared(&shear, ray.t_min, ray.t_max, a, b, c)
 }
 
+/// A vector over its largest component, or zero where that is below
+/// [`TRIANGLE_FLAT`].
+#[inline(always)]
+fn triangle_even(v: Vec3) -> Vec3 {
+    let largest = aabb_max(aabb_max(v.x.abs(), v.y.abs()), v.z.abs());
+    if largest < TRIANGLE_FLAT {
+        return Vec3::ZERO;
+    }
+    Vec3::new(v.x / largest, v.y / largest, v.z / largest)
+}
+
+/// The unit normal of a triangle, on the side from which its vertices are seen
+/// counter-clockwise: the direction of `(b - a) × (c - a)`. Zero for one
+/// without area.
+///
+/// From the two shorter edges, each brought to size one first, so that neither
+/// long, nearly parallel edges nor very small or large triangles harm it.
+/// Each component errs by a few units of rounding over the sine of the angle
+/// between those edges, if the edges themselves are exact; rounding the
+/// difference of two far vertices turns it further, as it turns the triangle.
+#[inline]
+#[must_use]
+pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
+    let ab = b - a;
+    let bc = c - b;
+    let ca = a - c;
+    let all = aabb_max(
+        aabb_max(aabb_max(ab.x.abs(), ab.y.abs()), ab.z.abs()),
+        aabb_max(aabb_max(bc.x.abs(), bc.y.abs()), bc.z.abs()),
+    );
+    if all < TRIANGLE_FLAT {
+        return Vec3::ZERO;
+    }
+    // Which are the shorter ones, where squares may overflow.
+    let even_ab = Vec3::new(ab.x / all, ab.y / all, ab.z / all);
+    let even_bc = Vec3::new(bc.x / all, bc.y / all, bc.z / all);
+    let even_ca = Vec3::new(ca.x / all, ca.y / all, ca.z / all);
+    let length_ab = vec3_dot(even_ab, even_ab);
+    let length_bc = vec3_dot(even_bc, even_bc);
+    let length_ca = vec3_dot(even_ca, even_ca);
+    let (first, second) = if length_ca >= length_ab && length_ca >= length_bc {
+        (ab, bc)
+    } else if length_ab >= length_bc {
+        (bc, ca)
+    } else {
+        (ca, ab)
+    };
+    let normal = triangle_even(vec3_cross(triangle_even(first), triangle_even(second)));
+    if vec3_dot(normal, normal) == 0.0 {
+        return Vec3::ZERO;
+    }
+    vec3_normalize(normal)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -317,6 +375,22 @@ mod tests {
         for test in BOTH {
             assert_eq!(test(r, Vec3::ZERO, Vec3::X, Vec3::X * 0.25).hit, 0);
             assert_eq!(test(r, Vec3::X * 0.5, Vec3::X * 0.5, Vec3::X * 0.5).hit, 0);
+        }
+    }
+
+    #[test]
+    fn normals_of_any_size() {
+        let [a, b, c] = corner();
+        for scale in [1e-28, 1e-12, 1.0, 1e11] {
+            assert_eq!(triangle_normal(a * scale, b * scale, c * scale), Vec3::Z);
+            assert_eq!(triangle_normal(c * scale, b * scale, a * scale), -Vec3::Z);
+        }
+        // A needle: 1e-10 of its length wide.
+        let n = triangle_normal(a, b, Vec3::new(0.5, 1e-10, 1e-10));
+        let truth = Vec3::new(0.0, -1.0, 1.0) / 2f32.sqrt();
+        assert!((n - truth).abs().max_element() < 2e-7, "{n}");
+        for (a, b, c) in [(a, a, a), (a, b, b), (a, b, b * 0.25), (a, a, b)] {
+            assert_eq!(triangle_normal(a, b, c), Vec3::ZERO);
         }
     }
 

@@ -158,7 +158,52 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
     let prepared =
         |(ray, a, b, c): (Ray, Vec3, Vec3, Vec3)| (ray_shear(ray), ray.t_min, ray.t_max, a, b, c);
 
+    // One over the sine of the two shorter edges, times how much rounding the
+    // differences of the vertices turns them.
+    fn turned(a: DVec3, b: DVec3, c: DVec3) -> f64 {
+        let edges = [b - a, c - b, a - c];
+        let mut lengths = edges.map(DVec3::length);
+        lengths.sort_by(f64::total_cmp);
+        let area = (b - a).cross(c - a).length();
+        let far = a.length().max(b.length()).max(c.length());
+        let sine = (area / (lengths[0] * lengths[1])).max(1e-9);
+        (1.0 + far / lengths[0].max(1e-30)) / sine
+    }
+    let corners: Domain<(Vec3, Vec3, Vec3)> = domains::vec3(domains::range(-1.0, 1.0))
+        .and(domains::vec3(domains::range(-1.0, 1.0)))
+        .and(domains::vec3(domains::range(-1.0, 1.0)))
+        .and(domains::log_range(1e-9, 1e9))
+        .map(|(((a, b), c), size)| (a * size, b * size, c * size));
+
     vec![
+        Kernel::new(
+            "ray/triangle",
+            "triangle_normal",
+            ["a", "b", "c"],
+            triangle_normal,
+            |a: DVec3, b: DVec3, c: DVec3| {
+                let n = (b - a).cross(c - a);
+                if n == DVec3::ZERO { n } else { n.normalize() }
+            },
+            corners,
+        )
+        .scale_by(turned)
+        .few_ulp(1.75, 40.0)
+        .hard([
+            (a, b, c),
+            (a, c, b),
+            (a * 1e-20, b * 1e-20, c * 1e-20),
+            (a, b * 5e11, c * 5e11),
+            // Needles.
+            (a, b, Vec3::new(0.5, 1e-5, 1e-5)),
+            (a, b, Vec3::new(1.0, 1e-5, 0.0)),
+            // No area.
+            (a, a, a),
+            (a, b, b),
+            (a, b, b * 2.0),
+        ])
+        .source("cross product of the two shorter edges, as in t of triangle_intersect_watertight")
+        .build(),
         Kernel::new(
             "ray/triangle",
             "triangle_intersect_moller_trumbore",

@@ -5,6 +5,10 @@
 // than the watertight test can shift an edge.
 const TRIANGLE_PAD: f32 = 0x1p-20f;
 
+// An edge of which no component reaches this has no length, and a triangle
+// whose edges, brought to size one, span less has no area.
+const TRIANGLE_FLAT: f32 = 0x1p-100f;
+
 // Where a ray meets a triangle.
 struct TriangleHit {
     // 1 if the ray meets the triangle within its range, else 0.
@@ -150,4 +154,48 @@ fn triangle_intersect_sheared(
 fn triangle_intersect_watertight(ray: Ray, a: vec3f, b: vec3f, c: vec3f) -> TriangleHit {
     let shear = ray_shear(ray);
     return triangle_intersect_sheared(shear, ray.t_min, ray.t_max, a, b, c);
+}
+
+// A vector over its largest component, or zero where that is below
+// TRIANGLE_FLAT.
+fn triangle_even(v: vec3f) -> vec3f {
+    let largest = max(max(abs(v.x), abs(v.y)), abs(v.z));
+    if largest < TRIANGLE_FLAT {
+        return vec3f(0.0);
+    }
+    return vec3f(v.x / largest, v.y / largest, v.z / largest);
+}
+
+// The unit normal of a triangle, on the side from which its vertices are seen
+// counter-clockwise: the direction of (b - a) x (c - a). Zero for one without
+// area. From the two shorter edges, each brought to size one first, so that
+// neither long, nearly parallel edges nor very small or large triangles harm
+// it.
+fn triangle_normal(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
+    let ab = b - a;
+    let bc = c - b;
+    let ca = a - c;
+    let all = max(
+        max(max(abs(ab.x), abs(ab.y)), abs(ab.z)),
+        max(max(abs(bc.x), abs(bc.y)), abs(bc.z)),
+    );
+    if all < TRIANGLE_FLAT {
+        return vec3f(0.0);
+    }
+    // Which are the shorter ones, where squares may overflow.
+    let even_ab = vec3f(ab.x / all, ab.y / all, ab.z / all);
+    let even_bc = vec3f(bc.x / all, bc.y / all, bc.z / all);
+    let even_ca = vec3f(ca.x / all, ca.y / all, ca.z / all);
+    let length_ab = vec3_dot(even_ab, even_ab);
+    let length_bc = vec3_dot(even_bc, even_bc);
+    let length_ca = vec3_dot(even_ca, even_ca);
+    let long_ca = length_ca >= length_ab && length_ca >= length_bc;
+    let long_ab = length_ab >= length_bc;
+    let first = select(select(ca, bc, long_ab), ab, long_ca);
+    let second = select(select(ab, ca, long_ab), bc, long_ca);
+    let normal = triangle_even(vec3_cross(triangle_even(first), triangle_even(second)));
+    if vec3_dot(normal, normal) == 0.0 {
+        return vec3f(0.0);
+    }
+    return vec3_normalize(normal);
 }

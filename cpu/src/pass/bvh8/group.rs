@@ -5,7 +5,7 @@ use super::walk::{
     Entry, FAR, LeafRay, Line, Row, Slopes, Stack, Wide, edges, finish, leaf_scalar, prepare_leaf,
     sides, walk,
 };
-use super::{BLOCK, Block, Bvh8, Faces, LEAF, Node};
+use super::{BLOCK, Block, Bvh8, Filter, LEAF, Node};
 use crate::ray::bvh::{BVH_MISS, BvhHit};
 use crate::ray::ray::Ray;
 
@@ -38,7 +38,7 @@ struct Bounds<L: Lanes> {
 
 const ZERO: [Row; 2] = [Row([0.0; 8]); 2];
 
-fn spread(rays_in: &[Ray], leaves: &[LeafRay], slopes: &[Slopes]) -> Rays {
+fn spread(rays_in: &[Ray], leaves: &[LeafRay<'_>], slopes: &[Slopes]) -> Rays {
     let mut rays = Rays {
         origin: [ZERO; 3],
         near: [ZERO; 3],
@@ -181,11 +181,12 @@ fn triangles<L: Lanes, const ANY: bool>(
     block: &Block,
     half: usize,
     active: u32,
-    prepared: &[LeafRay; GROUP],
+    prepared: &[LeafRay<'_>; GROUP],
     rays: &mut Rays,
     hits: &mut [BvhHit],
 ) -> bool {
     let [kx, ky, kz] = prepared[0].axes;
+    let filter = prepared[0].filter;
     let origin = [
         l.load(&rays.origin[kx][half].0),
         l.load(&rays.origin[ky][half].0),
@@ -201,6 +202,9 @@ fn triangles<L: Lanes, const ANY: bool>(
         if block.primitives[k] == BVH_MISS {
             break;
         }
+        if !filter.masks.is_empty() && !filter.sees(block.primitives[k]) {
+            continue;
+        }
         let v = &block.vertices;
         let corner = [
             sheared(l, [v[0][kx][k], v[0][ky][k], v[0][kz][k]], origin, shear),
@@ -210,7 +214,10 @@ fn triangles<L: Lanes, const ANY: bool>(
         let edges = edges(l, corner);
         let (below, above) = sides(l, &edges);
         let through = l.xor(below, above);
-        let passing = l.bits(through) & active;
+        // One axis and one octant, so all rays see a triangle's same side.
+        let (one, other) = (l.bits(below), l.bits(above));
+        let passing =
+            (one & prepared[0].below | other & prepared[0].above) & (one ^ other) & active;
         if passing == 0 {
             continue;
         }
@@ -310,6 +317,7 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
     l: L,
     bvh: &Bvh8,
     rays: &[Ray],
+    filter: Filter<'_>,
     hits: &mut [BvhHit],
 ) {
     let n = rays.len().min(hits.len()).min(GROUP);
@@ -318,7 +326,7 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
     let mut slopes = [Slopes::NONE; GROUP];
     let mut together = n > 1 && bvh.root & LEAF == 0;
     for (i, ray) in rays.iter().enumerate() {
-        let (leaf, slope) = prepare_leaf(ray, Faces::Both);
+        let (leaf, slope) = prepare_leaf(ray, filter);
         together &= leaf.shear.parallel == 0 && (i == 0 || slope.negative == slopes[0].negative);
         together &= i == 0 || leaf.shear.axis == prepared[0].shear.axis;
         prepared[i] = leaf;
@@ -326,7 +334,7 @@ pub(super) fn group<L: Lanes, const ANY: bool>(
     }
     if !together {
         for (ray, hit) in rays.iter().zip(hits) {
-            *hit = walk::<L, ANY>(l, bvh, ray, Faces::Both);
+            *hit = walk::<L, ANY>(l, bvh, ray, filter);
         }
         return;
     }

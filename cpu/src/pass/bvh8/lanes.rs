@@ -41,14 +41,14 @@ pub(super) trait Lanes: Copy {
     fn bits(self, mask: Self::M) -> u32;
     /// Tests a block's triangles. Out of line, so that the numbers of the box
     /// test keep their registers.
-    fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit);
+    fn leaf(self, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit);
     /// The walk of a ray with a zero in its direction, if others are fused.
     fn walk_parallel<const ANY: bool>(
         self,
         nodes: &[Node],
         blocks: &[Block],
         root: u32,
-        ray: &LeafRay,
+        ray: &LeafRay<'_>,
         slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit;
@@ -149,14 +149,14 @@ impl Lanes for Portable {
         nodes: &[Node],
         blocks: &[Block],
         root: u32,
-        ray: &LeafRay,
+        ray: &LeafRay<'_>,
         slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit {
         walk::walk_planes::<_, ANY, false>(self, nodes, blocks, root, ray, slopes, t_max)
     }
     #[inline(never)]
-    fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+    fn leaf(self, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit) {
         walk::leaf(self, block, ray, best);
     }
 }
@@ -184,7 +184,7 @@ pub(super) mod x86 {
 
                 #[inline(never)]
                 #[target_feature(enable = $features)]
-                fn leaf_there(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+                fn leaf_there(self, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit) {
                     walk::leaf(self, block, ray, best);
                 }
 
@@ -195,7 +195,7 @@ pub(super) mod x86 {
                     nodes: &[Node],
                     blocks: &[Block],
                     root: u32,
-                    ray: &LeafRay,
+                    ray: &LeafRay<'_>,
                     slopes: &Slopes,
                     t_max: f32,
                 ) -> BvhHit {
@@ -258,7 +258,7 @@ pub(super) mod x86 {
                     unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
                 }
                 #[inline(always)]
-                fn leaf(self, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+                fn leaf(self, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit) {
                     unsafe { self.leaf_there(block, ray, best) }
                 }
                 #[inline(always)]
@@ -267,7 +267,7 @@ pub(super) mod x86 {
                     nodes: &[Node],
                     blocks: &[Block],
                     root: u32,
-                    ray: &LeafRay,
+                    ray: &LeafRay<'_>,
                     slopes: &Slopes,
                     t_max: f32,
                 ) -> BvhHit {

@@ -73,6 +73,52 @@ pub enum Faces {
     Front,
 }
 
+/// Which triangles a ray can hit.
+///
+/// The default is all of them. [`Faces`] alone turn into a filter, so
+/// `closest_of(&ray, Faces::Front)` is enough where there are no masks.
+#[derive(Clone, Copy, Debug)]
+pub struct Filter<'a> {
+    /// The sides that can be hit.
+    pub faces: Faces,
+    /// A triangle is there for the ray if its own mask shares a bit with this.
+    pub mask: u32,
+    /// By triangle of the mesh; one beyond the end has all bits. Where this is
+    /// empty there are no masks, and nothing is looked up.
+    pub masks: &'a [u32],
+}
+
+impl Filter<'_> {
+    /// Everything.
+    pub const ALL: Self = Self {
+        faces: Faces::Both,
+        mask: u32::MAX,
+        masks: &[],
+    };
+
+    /// Whether the masks let a triangle through.
+    #[inline(always)]
+    fn sees(&self, primitive: u32) -> bool {
+        let own = self.masks.get(primitive as usize);
+        own.copied().unwrap_or(u32::MAX) & self.mask != 0
+    }
+}
+
+impl Default for Filter<'_> {
+    fn default() -> Self {
+        Filter::ALL
+    }
+}
+
+impl From<Faces> for Filter<'_> {
+    fn from(faces: Faces) -> Self {
+        Self {
+            faces,
+            ..Filter::ALL
+        }
+    }
+}
+
 /// Why a tree could not be refitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefitError {
@@ -246,34 +292,39 @@ pub struct Bvh8 {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+fn walk_avx2<const ANY: bool>(bvh: &Bvh8, ray: &Ray, filter: Filter<'_>) -> BvhHit {
     // SAFETY: this function is only called where its features are.
     let l = unsafe { lanes::x86::Avx2::assume() };
-    walk::walk::<_, ANY>(l, bvh, ray, faces)
+    walk::walk::<_, ANY>(l, bvh, ray, filter)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn walk_avx512<const ANY: bool>(bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+fn walk_avx512<const ANY: bool>(bvh: &Bvh8, ray: &Ray, filter: Filter<'_>) -> BvhHit {
     // SAFETY: this function is only called where its features are.
     let l = unsafe { lanes::x86::Avx512::assume() };
-    walk::walk::<_, ANY>(l, bvh, ray, faces)
+    walk::walk::<_, ANY>(l, bvh, ray, filter)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn group_avx2<const ANY: bool>(bvh: &Bvh8, rays: &[Ray], hits: &mut [BvhHit]) {
+fn group_avx2<const ANY: bool>(bvh: &Bvh8, rays: &[Ray], filter: Filter<'_>, hits: &mut [BvhHit]) {
     // SAFETY: this function is only called where its features are.
     let l = unsafe { lanes::x86::Avx2::assume() };
-    group::group::<_, ANY>(l, bvh, rays, hits);
+    group::group::<_, ANY>(l, bvh, rays, filter, hits);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn group_avx512<const ANY: bool>(bvh: &Bvh8, rays: &[Ray], hits: &mut [BvhHit]) {
+fn group_avx512<const ANY: bool>(
+    bvh: &Bvh8,
+    rays: &[Ray],
+    filter: Filter<'_>,
+    hits: &mut [BvhHit],
+) {
     // SAFETY: this function is only called where its features are.
     let l = unsafe { lanes::x86::Avx512::assume() };
-    group::group::<_, ANY>(l, bvh, rays, hits);
+    group::group::<_, ANY>(l, bvh, rays, filter, hits);
 }
 
 /// A triangle's box with the margin of the watertight traversal.
@@ -299,6 +350,10 @@ pub fn triangle_box(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, Vec3) {
 /// Rays that one task of a parallel batch takes.
 #[cfg(feature = "rayon")]
 const BATCH: usize = 512;
+
+fn found(hits: &[BvhHit]) -> Vec<bool> {
+    hits.iter().map(|h| h.primitive != BVH_MISS).collect()
+}
 
 impl Bvh8 {
     /// Collapses a binary tree.
@@ -344,16 +399,16 @@ impl Bvh8 {
     }
 
     #[inline(always)]
-    fn walk<const ANY: bool>(&self, ray: &Ray, faces: Faces) -> BvhHit {
+    fn walk<const ANY: bool>(&self, ray: &Ray, filter: Filter<'_>) -> BvhHit {
         match self.level.0 {
-            Kind::Portable => walk::walk::<_, ANY>(Portable, self, ray, faces),
+            Kind::Portable => walk::walk::<_, ANY>(Portable, self, ray, filter),
             // SAFETY: a `Level` is only made by `Level::all`, which has asked
             // the processor for each of the features.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray, faces) },
+            Kind::Avx2 => unsafe { walk_avx2::<ANY>(self, ray, filter) },
             // SAFETY: the same.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx512 => unsafe { walk_avx512::<ANY>(self, ray, faces) },
+            Kind::Avx512 => unsafe { walk_avx512::<ANY>(self, ray, filter) },
         }
     }
 
@@ -361,70 +416,79 @@ impl Bvh8 {
     /// [`bvh_closest`](crate::ray::bvh::bvh_closest), every bit of it.
     #[must_use]
     pub fn closest(&self, ray: &Ray) -> BvhHit {
-        self.walk::<false>(ray, Faces::Both)
+        self.walk::<false>(ray, Filter::ALL)
     }
 
     /// Whether the ray meets any triangle within its range, ends included.
     #[must_use]
     pub fn any(&self, ray: &Ray) -> bool {
-        self.walk::<true>(ray, Faces::Both).primitive != BVH_MISS
+        self.walk::<true>(ray, Filter::ALL).primitive != BVH_MISS
     }
 
-    /// [`Self::closest`] among triangles seen from these sides.
+    /// [`Self::closest`] among the triangles that the filter lets through.
     #[must_use]
-    pub fn closest_of(&self, ray: &Ray, faces: Faces) -> BvhHit {
-        self.walk::<false>(ray, faces)
+    pub fn closest_of<'a>(&self, ray: &Ray, filter: impl Into<Filter<'a>>) -> BvhHit {
+        self.walk::<false>(ray, filter.into())
     }
 
-    /// [`Self::any`] among triangles seen from these sides.
+    /// [`Self::any`] among the triangles that the filter lets through.
     #[must_use]
-    pub fn any_of(&self, ray: &Ray, faces: Faces) -> bool {
-        self.walk::<true>(ray, faces).primitive != BVH_MISS
+    pub fn any_of<'a>(&self, ray: &Ray, filter: impl Into<Filter<'a>>) -> bool {
+        self.walk::<true>(ray, filter.into()).primitive != BVH_MISS
+    }
+
+    fn each<const ANY: bool>(&self, rays: &[Ray], filter: Filter<'_>) -> Vec<BvhHit> {
+        #[cfg(feature = "rayon")]
+        {
+            use rayon::prelude::*;
+            rays.par_iter()
+                .with_min_len(BATCH)
+                .map(|ray| self.walk::<ANY>(ray, filter))
+                .collect()
+        }
+        #[cfg(not(feature = "rayon"))]
+        rays.iter()
+            .map(|ray| self.walk::<ANY>(ray, filter))
+            .collect()
     }
 
     /// [`Self::closest`] of each ray, in parallel with the feature `rayon`.
     #[must_use]
     pub fn closest_many(&self, rays: &[Ray]) -> Vec<BvhHit> {
-        #[cfg(feature = "rayon")]
-        {
-            use rayon::prelude::*;
-            rays.par_iter()
-                .with_min_len(BATCH)
-                .map(|ray| self.closest(ray))
-                .collect()
-        }
-        #[cfg(not(feature = "rayon"))]
-        rays.iter().map(|ray| self.closest(ray)).collect()
+        self.each::<false>(rays, Filter::ALL)
     }
 
     /// [`Self::any`] of each ray, in parallel with the feature `rayon`.
     #[must_use]
     pub fn any_many(&self, rays: &[Ray]) -> Vec<bool> {
-        #[cfg(feature = "rayon")]
-        {
-            use rayon::prelude::*;
-            rays.par_iter()
-                .with_min_len(BATCH)
-                .map(|ray| self.any(ray))
-                .collect()
-        }
-        #[cfg(not(feature = "rayon"))]
-        rays.iter().map(|ray| self.any(ray)).collect()
+        found(&self.each::<true>(rays, Filter::ALL))
     }
 
-    fn group<const ANY: bool>(&self, rays: &[Ray], hits: &mut [BvhHit]) {
+    /// [`Self::closest_of`] of each ray, in parallel with the feature `rayon`.
+    #[must_use]
+    pub fn closest_many_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<BvhHit> {
+        self.each::<false>(rays, filter.into())
+    }
+
+    /// [`Self::any_of`] of each ray, in parallel with the feature `rayon`.
+    #[must_use]
+    pub fn any_many_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<bool> {
+        found(&self.each::<true>(rays, filter.into()))
+    }
+
+    fn group<const ANY: bool>(&self, rays: &[Ray], filter: Filter<'_>, hits: &mut [BvhHit]) {
         match self.level.0 {
-            Kind::Portable => group::group::<_, ANY>(Portable, self, rays, hits),
+            Kind::Portable => group::group::<_, ANY>(Portable, self, rays, filter, hits),
             // SAFETY: as in `walk`.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => unsafe { group_avx2::<ANY>(self, rays, hits) },
+            Kind::Avx2 => unsafe { group_avx2::<ANY>(self, rays, filter, hits) },
             // SAFETY: as in `walk`.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx512 => unsafe { group_avx512::<ANY>(self, rays, hits) },
+            Kind::Avx512 => unsafe { group_avx512::<ANY>(self, rays, filter, hits) },
         }
     }
 
-    fn groups<const ANY: bool>(&self, rays: &[Ray]) -> Vec<BvhHit> {
+    fn groups<const ANY: bool>(&self, rays: &[Ray], filter: Filter<'_>) -> Vec<BvhHit> {
         const NONE: BvhHit = BvhHit {
             t: 0.0,
             u: 0.0,
@@ -438,11 +502,11 @@ impl Bvh8 {
             hits.par_chunks_mut(group::GROUP)
                 .zip(rays.par_chunks(group::GROUP))
                 .with_min_len(BATCH / group::GROUP)
-                .for_each(|(hits, rays)| self.group::<ANY>(rays, hits));
+                .for_each(|(hits, rays)| self.group::<ANY>(rays, filter, hits));
         }
         #[cfg(not(feature = "rayon"))]
         for (hits, rays) in hits.chunks_mut(group::GROUP).zip(rays.chunks(group::GROUP)) {
-            self.group::<ANY>(rays, hits);
+            self.group::<ANY>(rays, filter, hits);
         }
         hits
     }
@@ -453,14 +517,30 @@ impl Bvh8 {
     /// that part.
     #[must_use]
     pub fn closest_coherent(&self, rays: &[Ray]) -> Vec<BvhHit> {
-        self.groups::<false>(rays)
+        self.groups::<false>(rays, Filter::ALL)
     }
 
     /// [`Self::any`] of each ray, for rays as in [`Self::closest_coherent`].
     #[must_use]
     pub fn any_coherent(&self, rays: &[Ray]) -> Vec<bool> {
-        let hits = self.groups::<true>(rays);
-        hits.iter().map(|h| h.primitive != BVH_MISS).collect()
+        found(&self.groups::<true>(rays, Filter::ALL))
+    }
+
+    /// [`Self::closest_of`] of each ray, for rays as in
+    /// [`Self::closest_coherent`].
+    #[must_use]
+    pub fn closest_coherent_of<'a>(
+        &self,
+        rays: &[Ray],
+        filter: impl Into<Filter<'a>>,
+    ) -> Vec<BvhHit> {
+        self.groups::<false>(rays, filter.into())
+    }
+
+    /// [`Self::any_of`] of each ray, for rays as in [`Self::closest_coherent`].
+    #[must_use]
+    pub fn any_coherent_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<bool> {
+        found(&self.groups::<true>(rays, filter.into()))
     }
 
     /// Moves the triangles to other vertices, and the boxes with them; the

@@ -125,8 +125,9 @@ fn bits(hit: BvhHit) -> [u32; 4] {
     ]
 }
 
-/// Every triangle asked, from these sides.
-fn ask_all(corners: &[[Vec3; 3]], ray: &Ray, faces: Faces) -> BvhHit {
+/// Every triangle asked that the filter leaves.
+fn ask_all<'a>(corners: &[[Vec3; 3]], ray: &Ray, filter: impl Into<Filter<'a>>) -> BvhHit {
+    let filter = filter.into();
     let mut best = BvhHit {
         t: ray.t_max,
         u: 0.0,
@@ -135,7 +136,11 @@ fn ask_all(corners: &[[Vec3; 3]], ray: &Ray, faces: Faces) -> BvhHit {
     };
     for (i, &[a, b, c]) in corners.iter().enumerate() {
         let normal = (b - a).cross(c - a);
-        if faces == Faces::Front && normal.dot(ray.direction) >= 0.0 {
+        if filter.faces == Faces::Front && normal.dot(ray.direction) >= 0.0 {
+            continue;
+        }
+        let own = filter.masks.get(i).copied().unwrap_or(u32::MAX);
+        if !filter.masks.is_empty() && own & filter.mask == 0 {
             continue;
         }
         let hit = triangle_intersect_watertight(*ray, a, b, c);
@@ -262,6 +267,62 @@ fn batches_are_single_rays() {
     }
     let none = levels(&tree).pop().unwrap().closest_coherent(&[]);
     assert!(none.is_empty());
+}
+
+#[test]
+fn filters_leave_out_triangles() {
+    let corners = soup(300, 13);
+    let tree = Tree::new(&corners, 4);
+    let mut random = Random(6);
+    // A quarter has no bit at all, and the last twenty have no mask.
+    let masks: Vec<u32> = (0..280)
+        .map(|_| random.word() & random.word() & 7)
+        .collect();
+    let eye = Vec3::new(0.1, 0.2, 2.0);
+    let mut rays = rays(3000, &corners, 4);
+    rays.extend((0..2000).map(|i| Ray {
+        origin: eye,
+        direction: Vec3::new(
+            (i % 50) as f32 / 50.0 - 0.49,
+            (i / 50) as f32 / 40.0 - 0.49,
+            -2.0,
+        ),
+        t_min: 0.0,
+        t_max: f32::MAX,
+    }));
+    let filters = [0, 1, 2, 6, u32::MAX]
+        .into_iter()
+        .flat_map(|mask| [Faces::Both, Faces::Front].map(|faces| (faces, mask)));
+    for (faces, mask) in filters {
+        let filter = Filter {
+            faces,
+            mask,
+            masks: &masks,
+        };
+        let truth: Vec<_> = rays.iter().map(|r| ask_all(&corners, r, filter)).collect();
+        let hit = |h: &BvhHit| h.primitive != BVH_MISS;
+        let other = rays
+            .iter()
+            .zip(&truth)
+            .filter(|(r, t)| ask_all(&corners, r, Faces::Both) != **t);
+        assert!(other.count() > 200);
+        let (words, any): (Vec<_>, Vec<_>) = truth.iter().map(|t| (bits(*t), hit(t))).unzip();
+        for wide in levels(&tree) {
+            let name = wide.level().name();
+            let all = |hits: Vec<BvhHit>| hits.into_iter().map(bits).collect::<Vec<_>>();
+            let one = rays.iter().map(|r| wide.closest_of(r, filter)).collect();
+            assert!(all(one) == words, "{name} {faces:?} {mask}");
+            assert!(all(wide.closest_many_of(&rays, filter)) == words, "{name}");
+            assert!(
+                all(wide.closest_coherent_of(&rays, filter)) == words,
+                "{name}"
+            );
+            let one: Vec<_> = rays.iter().map(|r| wide.any_of(r, filter)).collect();
+            assert!(one == any, "{name} {faces:?} {mask}");
+            assert!(wide.any_many_of(&rays, filter) == any, "{name}");
+            assert!(wide.any_coherent_of(&rays, filter) == any, "{name}");
+        }
+    }
 }
 
 #[test]

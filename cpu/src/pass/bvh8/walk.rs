@@ -3,7 +3,7 @@
 use std::mem::MaybeUninit;
 
 use super::lanes::Lanes;
-use super::{Block, Bvh8, Faces, LEAF, Node, STACK};
+use super::{Block, Bvh8, Faces, Filter, LEAF, Node, STACK};
 use crate::ray::aabb::AABB_WIDEN;
 use crate::ray::bvh::{BVH_MISS, BvhHit};
 use crate::ray::plane::{PLANE_RATIO, PLANE_TINY};
@@ -76,7 +76,7 @@ pub(super) struct Slopes {
     pub(super) t_min: f32,
 }
 
-impl LeafRay {
+impl LeafRay<'_> {
     /// A ray that nobody asks for.
     pub(super) const NONE: Self = Self {
         shear: RayShear {
@@ -93,6 +93,7 @@ impl LeafRay {
         t_min: 0.0,
         below: 0,
         above: 0,
+        filter: Filter::ALL,
     };
 }
 
@@ -109,21 +110,23 @@ impl Slopes {
 
 /// What the triangles need of a ray.
 #[derive(Clone, Copy)]
-pub(super) struct LeafRay {
+pub(super) struct LeafRay<'a> {
     pub(super) shear: RayShear,
     /// The vertices' axes in the order of the shear.
     pub(super) axes: [usize; 3],
     origin: [f32; 3],
     t_min: f32,
     /// Lanes that may have negative, or positive, edges.
-    below: u32,
-    above: u32,
+    pub(super) below: u32,
+    pub(super) above: u32,
+    pub(super) filter: Filter<'a>,
 }
 
 /// [`ray_shear`](crate::ray::ray::ray_shear) without branches: the same
 /// operations on the same numbers.
 #[inline(always)]
-pub(super) fn prepare_leaf(ray: &Ray, faces: Faces) -> (LeafRay, Slopes) {
+pub(super) fn prepare_leaf<'a>(ray: &Ray, filter: Filter<'a>) -> (LeafRay<'a>, Slopes) {
+    let faces = filter.faces;
     let direction = Vec3A::from(ray.direction);
     let tiny = direction.abs().cmplt(Vec3A::splat(RAY_FLUSH));
     let direction = Vec3A::select(tiny, Vec3A::ZERO, direction);
@@ -154,6 +157,7 @@ pub(super) fn prepare_leaf(ray: &Ray, faces: Faces) -> (LeafRay, Slopes) {
         // Along the axis of the shear, counter-clockwise is seen from ahead.
         below: u32::from(faces == Faces::Both || d[kz] > 0.0) * 0xff,
         above: u32::from(faces == Faces::Both || d[kz] < 0.0) * 0xff,
+        filter,
     };
     let slopes = Slopes {
         origin: ray.origin.into(),
@@ -272,7 +276,7 @@ fn enter<L: Lanes, const FUSED: bool>(
 
 /// A vertex of each triangle, moved along the ray: `triangle_shear`.
 #[inline(always)]
-fn sheared<L: Lanes>(l: L, v: &[[f32; 8]; 3], ray: &LeafRay) -> (L::F, L::F) {
+fn sheared<L: Lanes>(l: L, v: &[[f32; 8]; 3], ray: &LeafRay<'_>) -> (L::F, L::F) {
     let [kx, ky, kz] = ray.axes;
     let x = l.sub(l.load(&v[kx]), l.splat(ray.origin[kx]));
     let y = l.sub(l.load(&v[ky]), l.splat(ray.origin[ky]));
@@ -493,9 +497,19 @@ fn splat_wide<L: Lanes>(l: L, v: Vec3) -> Wide<L> {
     }
 }
 
+/// Those of some triangles that the masks let through.
+#[cold]
+#[inline(never)]
+fn unmasked(block: &Block, filter: &Filter<'_>, through: u32) -> u32 {
+    let seen = block.primitives.iter().enumerate();
+    seen.fold(through, |out, (k, &primitive)| {
+        out & !(u32::from(!filter.sees(primitive)) << k)
+    })
+}
+
 /// Tests a block's triangles, eight at a time.
 #[inline(always)]
-pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhHit) {
+pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit) {
     let edges = edges(
         l,
         [
@@ -506,9 +520,15 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay, best: &mut BvhH
     );
     let (below, above) = sides(l, &edges);
     let (below, above) = (l.bits(below), l.bits(above));
-    let through = (below ^ above) & ((below & ray.below) | (above & ray.above));
+    let mut through = (below ^ above) & ((below & ray.below) | (above & ray.above));
     if through == 0 {
         return;
+    }
+    if !ray.filter.masks.is_empty() {
+        through = unmasked(block, &ray.filter, through);
+        if through == 0 {
+            return;
+        }
     }
     if ray.shear.parallel != 0 {
         // Slabs without a division.
@@ -563,7 +583,7 @@ pub(super) struct Row(pub(super) [f32; 8]);
 
 #[cold]
 #[inline(never)]
-pub(super) fn leaf_scalar(block: &Block, ray: &LeafRay, mut through: u32, best: &mut BvhHit) {
+pub(super) fn leaf_scalar(block: &Block, ray: &LeafRay<'_>, mut through: u32, best: &mut BvhHit) {
     while through != 0 {
         let k = (through.trailing_zeros() & 7) as usize;
         through &= through - 1;
@@ -614,9 +634,14 @@ fn next(mask: &mut u32, starts: &[f32; 8], node: &Node) -> (Entry, bool) {
 /// Walks the tree. A ray with a zero in its direction needs planes that are
 /// not fused.
 #[inline(always)]
-pub(super) fn walk<L: Lanes, const ANY: bool>(l: L, bvh: &Bvh8, ray: &Ray, faces: Faces) -> BvhHit {
+pub(super) fn walk<L: Lanes, const ANY: bool>(
+    l: L,
+    bvh: &Bvh8,
+    ray: &Ray,
+    filter: Filter<'_>,
+) -> BvhHit {
     let (nodes, blocks, root) = (&*bvh.nodes, &*bvh.blocks, bvh.root);
-    let (leaf, slopes) = prepare_leaf(ray, faces);
+    let (leaf, slopes) = prepare_leaf(ray, filter);
     if !L::FUSED {
         walk_planes::<L, ANY, false>(l, nodes, blocks, root, &leaf, &slopes, ray.t_max)
     } else if leaf.shear.parallel == 0 {
@@ -632,7 +657,7 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
     nodes: &[Node],
     blocks: &[Block],
     root: u32,
-    leaf_ray: &LeafRay,
+    leaf_ray: &LeafRay<'_>,
     slopes: &Slopes,
     t_max: f32,
 ) -> BvhHit {
