@@ -51,6 +51,7 @@ registry! {
     ray / aabb;
     ray / bvh;
     ray / camera;
+    ray / instance;
     ray / plane;
     ray / ray;
     ray / sphere;

@@ -64,6 +64,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/ray/aabb.md")]
 #[doc = include_str!("../../docs/ray/bvh.md")]
 #[doc = include_str!("../../docs/ray/camera.md")]
+#[doc = include_str!("../../docs/ray/instance.md")]
 #[doc = include_str!("../../docs/ray/plane.md")]
 #[doc = include_str!("../../docs/ray/ray.md")]
 #[doc = include_str!("../../docs/ray/sphere.md")]

@@ -384,6 +384,8 @@ modules! {
                 "fn bvh_read_triangle(index: u32) -> BvhTriangle"
             } "bvh.bindings.wgsl";
         CAMERA "camera" ["math/vector", "ray/ray"];
+        INSTANCE "instance" ["ray/bvh", "math/vector"]
+            { "fn instance_read(index: u32) -> Instance" } "instance.bindings.wgsl";
         PLANE "plane" ["math/vector", "ray/ray"];
         RAY "ray" [];
         SPHERE "sphere" ["math/vector", "ray/ray"];

@@ -85,13 +85,13 @@ const NOWHERE: BvhNode = BvhNode {
 };
 
 #[inline(always)]
-fn bvh_node<'a>(bvh: &BvhView<'a>, index: u32) -> &'a BvhNode {
+pub(crate) fn bvh_node<'a>(bvh: &BvhView<'a>, index: u32) -> &'a BvhNode {
     bvh.nodes.get(index as usize).unwrap_or(&NOWHERE)
 }
 
 /// What the walk keeps at hand of a prepared ray, in registers of four.
 #[derive(Clone, Copy)]
-struct BvhRay {
+pub(crate) struct BvhRay {
     shear: RayShear,
     origin: Vec3A,
     inverse: Vec3A,
@@ -110,7 +110,7 @@ fn bvh_slab_parallel(node: &BvhNode, ray: &BvhRay) -> Vec2 {
 ///
 /// [`aabb_slab`] with three axes at a time: the same operations.
 #[inline(always)]
-fn bvh_enter(node: &BvhNode, ray: &BvhRay, t_max: f32) -> f32 {
+pub(crate) fn bvh_enter(node: &BvhNode, ray: &BvhRay, t_max: f32) -> f32 {
     let slab = if ray.shear.parallel != 0 {
         bvh_slab_parallel(node, ray)
     } else {
@@ -190,36 +190,47 @@ fn bvh_leaf(bvh: &BvhView<'_>, node: &BvhNode, ray: &BvhRay, any: bool, best: &m
     size
 }
 
-/// The shared walk: with `any` it ends at the first hit.
 #[inline(always)]
-fn bvh_walk(bvh: &BvhView<'_>, ray: Ray, any: bool) -> BvhHit {
+pub(crate) fn bvh_prepare(ray: Ray) -> BvhRay {
+    let shear = ray_shear(ray);
+    BvhRay {
+        shear,
+        origin: shear.origin.into(),
+        inverse: shear.inverse.into(),
+        t_min: ray.t_min,
+    }
+}
+
+/// The shared walk from a root on: with `any` it ends at the first hit. It
+/// adds what it visits to `steps`.
+#[inline(always)]
+pub(crate) fn bvh_walk(
+    bvh: &BvhView<'_>,
+    root: u32,
+    ray: Ray,
+    any: bool,
+    steps: &mut u32,
+) -> BvhHit {
     let mut best = BvhHit {
         t: ray.t_max,
         u: 0.0,
         v: 0.0,
         primitive: BVH_MISS,
     };
-    let shear = ray_shear(ray);
-    let at = BvhRay {
-        shear,
-        origin: shear.origin.into(),
-        inverse: shear.inverse.into(),
-        t_min: ray.t_min,
-    };
-    let root = bvh_node(bvh, 0);
+    let at = bvh_prepare(ray);
+    let root = bvh_node(bvh, root);
     if bvh_enter(root, &at, best.t) < 0.0 {
         return best;
     }
     if root.count > 0 {
-        bvh_leaf(bvh, root, &at, any, &mut best);
+        *steps = steps.saturating_add(bvh_leaf(bvh, root, &at, any, &mut best));
         return best;
     }
     let mut stack = [(0u32, 0.0f32); BVH_STACK];
     let mut depth = 0usize;
     let mut pair = root.first;
-    let mut steps = 0u32;
-    // A pair of siblings is never at 0: that is the root.
-    while pair != 0 && steps < BVH_STEPS {
+    // A pair of siblings is never at 0: that is a root.
+    while pair != 0 && *steps < BVH_STEPS {
         let left = bvh_node(bvh, pair);
         let right = bvh_node(bvh, pair.wrapping_add(1));
         let left_enter = bvh_enter(left, &at, best.t);
@@ -236,19 +247,19 @@ fn bvh_walk(bvh: &BvhView<'_>, ray: Ray, any: bool) -> BvhHit {
         } else {
             (right, right_enter)
         };
-        steps += 1;
+        *steps += 1;
         let mut next = 0;
         let mut postponed = 0;
         if near_enter >= 0.0 {
             if near.count > 0 {
-                steps = steps.saturating_add(bvh_leaf(bvh, near, &at, any, &mut best));
+                *steps = steps.saturating_add(bvh_leaf(bvh, near, &at, any, &mut best));
             } else if near.first > pair {
                 next = near.first;
             }
         }
         if far_enter >= 0.0 && far_enter <= best.t {
             if far.count > 0 {
-                steps = steps.saturating_add(bvh_leaf(bvh, far, &at, any, &mut best));
+                *steps = steps.saturating_add(bvh_leaf(bvh, far, &at, any, &mut best));
             } else if far.first > pair {
                 postponed = far.first;
             }
@@ -280,7 +291,7 @@ fn bvh_walk(bvh: &BvhView<'_>, ray: Ray, any: bool) -> BvhHit {
 /// (indices outside, cycles, too deep) gives some answer, in bounded time.
 #[must_use]
 pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
-    bvh_walk(bvh, ray, false)
+    bvh_walk(bvh, 0, ray, false, &mut 0)
 }
 
 /// 1 if the ray meets any triangle within its range, ends included, else 0.
@@ -288,5 +299,5 @@ pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
 /// The same answer as whether [`bvh_closest`] finds one.
 #[must_use]
 pub fn bvh_any(bvh: &BvhView<'_>, ray: Ray) -> u32 {
-    u32::from(bvh_walk(bvh, ray, true).primitive != BVH_MISS)
+    u32::from(bvh_walk(bvh, 0, ray, true, &mut 0).primitive != BVH_MISS)
 }

@@ -9,6 +9,7 @@
 pub mod aabb;
 pub mod bvh;
 pub mod camera;
+pub mod instance;
 pub mod plane;
 #[allow(clippy::module_inception)]
 pub mod ray;

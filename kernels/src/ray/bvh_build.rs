@@ -223,10 +223,10 @@ fn corners(positions: &[Vec3], triangle: usize, indices: [u32; 3]) -> Result<[Ve
 
 /// A tree's shape before it is laid out: inner nodes name their children,
 /// leaves a range of `order`.
-struct Shape {
+pub(super) struct Shape {
     /// `(first, count)`; with count 0, children `first` and `first + 1`.
     nodes: Vec<(u32, u32)>,
-    order: Vec<u32>,
+    pub(super) order: Vec<u32>,
 }
 
 impl Shape {
@@ -300,53 +300,62 @@ impl Shape {
         deepest
     }
 
-    /// Depth-first layout, siblings side by side, and boxes from below.
-    fn lay_out(&self, triangles: &[BvhTriangle]) -> Bvh {
+    /// The shape for boxes, with at most [`BVH_STACK`] inner levels.
+    pub(super) fn new(boxes: &[Aabb], quality: BuildQuality) -> Self {
+        let shape = Self::by_obvhs(boxes, quality);
+        if shape.depth() > BVH_STACK {
+            return Self::by_median(boxes);
+        }
+        shape
+    }
+
+    /// Depth-first layout, siblings side by side, and boxes from below. The
+    /// items in leaf order, and their boxes, come from `item`.
+    pub(super) fn lay_out(&self, mut item: impl FnMut(u32) -> (Vec3, Vec3)) -> Vec<BvhNode> {
         const EMPTY: BvhNode = BvhNode {
             min: Vec3::MAX,
             first: 0,
             max: Vec3::MIN,
             count: 0,
         };
-        let mut bvh = Bvh {
-            nodes: Vec::with_capacity(self.nodes.len()),
-            triangles: Vec::with_capacity(triangles.len()),
-        };
-        bvh.nodes.push(EMPTY);
+        let mut nodes = Vec::with_capacity(self.nodes.len());
+        nodes.push(EMPTY);
+        let mut items = 0;
         let mut todo = vec![(0u32, 0usize)];
         while let Some((from, to)) = todo.pop() {
             let (first, count) = self.nodes[from as usize];
             if count == 0 {
-                let child = bvh.nodes.len();
-                bvh.nodes.extend([EMPTY, EMPTY]);
-                bvh.nodes[to].first = child as u32;
+                let child = nodes.len();
+                nodes.extend([EMPTY, EMPTY]);
+                nodes[to].first = child as u32;
                 todo.push((first + 1, child + 1));
                 todo.push((first, child));
             } else {
-                let node = &mut bvh.nodes[to];
-                node.first = bvh.triangles.len() as u32;
+                let node = &mut nodes[to];
+                node.first = items;
                 node.count = count;
+                items += count;
                 for &i in &self.order[first as usize..(first + count) as usize] {
-                    let t = triangles[i as usize];
-                    let (low, high) = bvh_triangle_box(t.a, t.b, t.c);
+                    let (low, high) = item(i);
                     node.min = node.min.min(low);
                     node.max = node.max.max(high);
-                    bvh.triangles.push(t);
                 }
             }
         }
-        for i in (0..bvh.nodes.len()).rev() {
-            let node = bvh.nodes[i];
-            if node.count == 0 {
-                let (l, r) = (
-                    bvh.nodes[node.first as usize],
-                    bvh.nodes[node.first as usize + 1],
-                );
-                bvh.nodes[i].min = l.min.min(r.min);
-                bvh.nodes[i].max = l.max.max(r.max);
-            }
+        join(&mut nodes);
+        nodes
+    }
+}
+
+/// The boxes of inner nodes from those of their children.
+pub(super) fn join(nodes: &mut [BvhNode]) {
+    for i in (0..nodes.len()).rev() {
+        if nodes[i].count == 0 {
+            let first = nodes[i].first as usize;
+            let (l, r) = (nodes[first], nodes[first + 1]);
+            nodes[i].min = l.min.min(r.min);
+            nodes[i].max = l.max.max(r.max);
         }
-        bvh
     }
 }
 
@@ -386,11 +395,16 @@ impl Bvh {
         if triangles.is_empty() {
             return Ok(Self::default());
         }
-        let mut shape = Shape::by_obvhs(&boxes, quality);
-        if shape.depth() > BVH_STACK {
-            shape = Shape::by_median(&boxes);
-        }
-        Ok(shape.lay_out(&triangles))
+        let mut ordered = Vec::with_capacity(triangles.len());
+        let nodes = Shape::new(&boxes, quality).lay_out(|i| {
+            let t = triangles[i as usize];
+            ordered.push(t);
+            bvh_triangle_box(t.a, t.b, t.c)
+        });
+        Ok(Self {
+            nodes,
+            triangles: ordered,
+        })
     }
 
     /// The tree for [`bvh_closest`](raytwin_cpu::ray::bvh::bvh_closest) and

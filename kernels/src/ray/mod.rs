@@ -5,6 +5,9 @@ pub mod bvh;
 #[cfg(feature = "build")]
 pub mod bvh_build;
 pub mod camera;
+pub mod instance;
+#[cfg(feature = "build")]
+pub mod instance_build;
 pub mod plane;
 #[allow(clippy::module_inception)]
 pub mod ray;

@@ -92,23 +92,31 @@ fn bvh_leaf(
     return best;
 }
 
-// The shared walk: with any_hit it ends at the first hit.
-fn bvh_walk(ray: Ray, any_hit: bool) -> BvhHit {
+// What a walk has found, and what it has visited.
+struct BvhWalk {
+    hit: BvhHit,
+    steps: u32,
+}
+
+// The shared walk from a root on, after so many steps: with any_hit it ends at
+// the first hit.
+fn bvh_walk(root_index: u32, ray: Ray, any_hit: bool, steps_before: u32) -> BvhWalk {
     var best = BvhHit(ray.t_max, 0.0, 0.0, BVH_MISS);
     let shear = ray_shear(ray);
-    let root = bvh_read_node(0u);
+    let root = bvh_read_node(root_index);
     if bvh_enter(root, shear, ray.t_min, best.t) < 0.0 {
-        return best;
+        return BvhWalk(best, steps_before);
     }
     if root.count > 0u {
-        return bvh_leaf(root, shear, ray.t_min, any_hit, best);
+        best = bvh_leaf(root, shear, ray.t_min, any_hit, best);
+        return BvhWalk(best, steps_before + min(root.count, BVH_STEPS));
     }
     var stack_node: array<u32, BVH_STACK>;
     var stack_enter: array<f32, BVH_STACK>;
     var depth = 0u;
     var pair = root.first;
-    var steps = 0u;
-    // A pair of siblings is never at 0: that is the root.
+    var steps = steps_before;
+    // A pair of siblings is never at 0: that is a root.
     while pair != 0u && steps < BVH_STEPS {
         var near = bvh_read_node(pair);
         var far = bvh_read_node(pair + 1u);
@@ -143,7 +151,7 @@ fn bvh_walk(ray: Ray, any_hit: bool) -> BvhHit {
             }
         }
         if any_hit && best.primitive != BVH_MISS {
-            return best;
+            return BvhWalk(best, steps);
         }
         if next == 0u {
             next = postponed;
@@ -160,18 +168,18 @@ fn bvh_walk(ray: Ray, any_hit: bool) -> BvhHit {
         }
         pair = next;
     }
-    return best;
+    return BvhWalk(best, steps);
 }
 
 // The closest triangle that a ray meets within its range, ends included. A
 // broken tree (indices outside, cycles, too deep) gives some answer, in
 // bounded time.
 fn bvh_closest(ray: Ray) -> BvhHit {
-    return bvh_walk(ray, false);
+    return bvh_walk(0u, ray, false, 0u).hit;
 }
 
 // 1 if the ray meets any triangle within its range, ends included, else 0. The
 // same answer as whether bvh_closest finds one.
 fn bvh_any(ray: Ray) -> u32 {
-    return select(0u, 1u, bvh_walk(ray, true).primitive != BVH_MISS);
+    return select(0u, 1u, bvh_walk(0u, ray, true, 0u).hit.primitive != BVH_MISS);
 }

@@ -46,10 +46,14 @@ fn contains(node: &BvhNode, inner: &BvhNode) -> bool {
     node.min.cmple(inner.min).all() && node.max.cmpge(inner.max).all()
 }
 
-/// Checks what the collapse relies on, so that no tree can make it loop or
-/// read outside, and returns the number of inner levels.
-fn check(tree: &BvhView<'_>) -> Result<(), Bvh8Fault> {
-    let nodes = tree.nodes;
+/// Checks the shape of a binary tree over so many items, so that no tree can
+/// make a walk or the collapse loop or read outside: children exist, follow
+/// their parent and have one, boxes are finite and contain those below, leaves
+/// are within the list, and the depth.
+///
+/// # Errors
+/// The first fault found, with its node.
+pub fn check_nodes(nodes: &[BvhNode], items: usize) -> Result<(), Bvh8Fault> {
     let mut level = vec![0u8; nodes.len()];
     for (i, node) in nodes.iter().enumerate() {
         let at = i as u32;
@@ -63,7 +67,7 @@ fn check(tree: &BvhView<'_>) -> Result<(), Bvh8Fault> {
         let first = node.first as usize;
         if node.count > 0 {
             let end = first.saturating_add(node.count as usize);
-            if end > tree.triangles.len() {
+            if end > items {
                 return Err(Bvh8Fault::Range { node: at });
             }
             continue;
@@ -288,7 +292,7 @@ impl Collapse<'_> {
 
 /// Collapses a binary tree.
 pub(super) fn collapse(tree: BvhView<'_>) -> Result<Bvh8, Bvh8Fault> {
-    check(&tree)?;
+    check_nodes(tree.nodes, tree.triangles.len())?;
     let mut collapse = Collapse {
         tree,
         plans: plan(tree.nodes),

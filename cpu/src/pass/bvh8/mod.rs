@@ -8,8 +8,11 @@
 
 mod collapse;
 mod group;
+pub mod instances;
 mod lanes;
 mod walk;
+
+pub use collapse::check_nodes;
 
 use std::fmt;
 
@@ -237,7 +240,7 @@ pub enum Bvh8Fault {
         /// The node.
         node: u32,
     },
-    /// A leaf's triangles outside the list.
+    /// A leaf's triangles, or instances, outside the list.
     Range {
         /// The leaf.
         node: u32,
@@ -252,6 +255,11 @@ pub enum Bvh8Fault {
         /// The node.
         node: u32,
     },
+    /// An instance of a mesh that is not there.
+    Instance {
+        /// Its position in the list.
+        instance: u32,
+    },
 }
 
 impl fmt::Display for Bvh8Fault {
@@ -262,12 +270,15 @@ impl fmt::Display for Bvh8Fault {
                 "node {node}: child {child} is outside the tree or before its parent"
             ),
             Self::Parents { node } => write!(f, "node {node} has no parent, or several"),
-            Self::Range { node } => write!(f, "leaf {node}: its triangles are outside the list"),
+            Self::Range { node } => write!(f, "leaf {node}: its items are outside the list"),
             Self::Box { node } => {
                 write!(
                     f,
                     "node {node}: its box is not finite, empty, or not within its parent's"
                 )
+            }
+            Self::Instance { instance } => {
+                write!(f, "the instance at position {instance} is of no mesh")
             }
             Self::Depth { node } => {
                 write!(
