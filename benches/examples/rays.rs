@@ -1,6 +1,10 @@
 //! Rays per second through the tree of eight, beside Embree and the scalar twin.
 //!
 //! `cargo run --release -p raytwin-bench --example rays -- MESH… [--rays N] [--rounds N]`
+//!
+//! With `--growth MOST` instead of meshes: spheres and terrains of a thousand
+//! up to MOST triangles, the cost of a ray fitted to the logarithm of their
+//! number, build time and memory a triangle.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -45,21 +49,137 @@ fn time(rays: &[Ray], f: &dyn Fn(&[Ray]) -> usize) -> (f64, usize) {
 
 type Sweep<'a> = Box<dyn Fn(&[Ray]) -> usize + 'a>;
 
+/// Nanoseconds a ray as `a + b · log2(triangles)`, and how much of their spread
+/// that explains.
+fn fit(points: &[(f64, f64)]) -> (f64, f64, f64) {
+    let n = points.len() as f64;
+    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / n;
+    let (mx, my) = (mean(&|p| p.0), mean(&|p| p.1));
+    let xx = mean(&|p| (p.0 - mx).powi(2));
+    let xy = mean(&|p| (p.0 - mx) * (p.1 - my));
+    let yy = mean(&|p| (p.1 - my).powi(2));
+    let b = xy / xx;
+    (my - b * mx, b, xy * xy / (xx * yy))
+}
+
+/// Memory of this process in bytes, where the system tells it.
+fn resident() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    let pages = text.split(' ').nth(1).and_then(|v| v.parse::<f64>().ok());
+    pages.unwrap_or(f64::NAN) * 4096.0
+}
+
+fn growth(most: usize, count: usize, rounds: usize) {
+    for kind in ["sphere", "terrain"] {
+        println!("{kind}: ns a ray, primary shadow diffuse AO");
+        let mut curves: [[Vec<(f64, f64)>; 4]; 2] = Default::default();
+        let mut size = 1_000;
+        while size <= most {
+            let mesh = match kind {
+                "sphere" => meshes::displaced_sphere(size),
+                _ => meshes::terrain(size),
+            };
+            let mut scene = generated(kind).expect("generated");
+            scene.mesh = Mesh {
+                positions: mesh.positions,
+                indices: mesh.indices,
+                skipped: 0,
+            };
+            let mesh = &scene.mesh;
+            let n = mesh.indices.len() as f64;
+            let start = Instant::now();
+            let bvh = Bvh::build(&mesh.positions, &mesh.indices, BuildQuality::Fast).expect("tree");
+            let wide = bvh.wide().expect("a tree");
+            let ours_ms = start.elapsed().as_secs_f64() * 1e3;
+            let positions: Vec<_> = mesh.positions.iter().map(|p| p.to_array()).collect();
+            let options = EmbreeOptions {
+                threads: 1,
+                ..EmbreeOptions::default()
+            };
+            let before = resident();
+            let embree = EmbreeScene::new(&positions, &mesh.indices, options).expect("Embree");
+            let theirs = resident() - before;
+            let sets = RaySets::new(&scene, &bvh, count);
+            let ray = |r: &Ray| EmbreeRay {
+                origin: r.origin.to_array(),
+                direction: r.direction.to_array(),
+                t_min: r.t_min,
+                t_max: r.t_max,
+            };
+            let mut best = [[f64::INFINITY; 4]; 2];
+            for _ in 0..rounds {
+                for (k, (rays, any)) in sets.all().into_iter().enumerate() {
+                    let ours = |rs: &[Ray]| {
+                        let hit = |r: &&Ray| match any {
+                            true => wide.any(r),
+                            false => wide.closest(r).primitive != BVH_MISS,
+                        };
+                        rs.iter().filter(hit).count()
+                    };
+                    let other = |rs: &[Ray]| {
+                        let hit = |r: &&Ray| match any {
+                            true => embree.occluded(&ray(r)),
+                            false => embree.intersect(&ray(r)).is_some(),
+                        };
+                        rs.iter().filter(hit).count()
+                    };
+                    best[0][k] = best[0][k].min(time(rays, &ours).0);
+                    best[1][k] = best[1][k].min(time(rays, &other).0);
+                }
+            }
+            let ns = best.map(|row| row.map(|s| s * 1e9 / count as f64));
+            println!(
+                "{n:8} ours {:5.0} {:5.0} {:5.0} {:5.0}, build {ours_ms:7.1} ms, {:3.0} bytes a \
+                 triangle; Embree {:5.0} {:5.0} {:5.0} {:5.0}, build {:7.1} ms, {:3.0} bytes",
+                ns[0][0],
+                ns[0][1],
+                ns[0][2],
+                ns[0][3],
+                wide.bytes() as f64 / n,
+                ns[1][0],
+                ns[1][1],
+                ns[1][2],
+                ns[1][3],
+                embree.build_time().as_secs_f64() * 1e3,
+                theirs / n,
+            );
+            for (curve, row) in curves.iter_mut().zip(ns) {
+                for (points, ns) in curve.iter_mut().zip(row) {
+                    points.push((n.log2(), ns));
+                }
+            }
+            size *= 4;
+        }
+        for (name, curve) in ["ours", "Embree"].iter().zip(&curves) {
+            for (ray, points) in ["primary", "shadow", "diffuse", "AO"].iter().zip(curve) {
+                let (a, b, r2) = fit(points);
+                println!("  {name} {ray}: {a:.0} + {b:.1} log2(n) ns, R2 {r2:.3}");
+            }
+        }
+    }
+}
+
 fn main() {
     let mut names = Vec::new();
     let (mut count, mut rounds) = (1usize << 16, 7usize);
+    let mut most = 0usize;
     let (mut only, mut quality) = (String::new(), BuildQuality::Medium);
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
         match a.as_str() {
             "--rays" => count = args.next().and_then(|v| v.parse().ok()).expect("a number"),
             "--rounds" => rounds = args.next().and_then(|v| v.parse().ok()).expect("a number"),
+            "--growth" => most = args.next().and_then(|v| v.parse().ok()).expect("a number"),
             "--only" => only = args.next().expect("a name"),
             "--fast" => quality = BuildQuality::Fast,
             "--fastest" => quality = BuildQuality::Fastest,
             "--slow" => quality = BuildQuality::VerySlow,
             _ => names.push(a),
         }
+    }
+    if most > 0 {
+        growth(most, count, rounds);
+        return;
     }
     let mut sums: Vec<(String, [f64; 4], usize)> = Vec::new();
     for name in names {

@@ -164,6 +164,56 @@ fn the_walk_is_every_instance_asked() {
     }
 }
 
+/// Small instances far from where the rays start, aimed at what is outermost of
+/// them along the axes: there the rounding of the mapped ray is larger than the
+/// margin of the mesh's own boxes, so only the instance's pad keeps them.
+#[test]
+fn rims_of_small_instances_are_kept() {
+    const FAR: f32 = 1_000.0;
+    let meshes = meshes();
+    let trees = trees(&meshes);
+    let parts: Vec<&Bvh> = trees.iter().collect();
+    let mut random = Random::new(3);
+    let mut hits = 0;
+    for seed in 0..40 {
+        let mut place = placements(1, meshes.len(), 300 + seed)[0];
+        place.to_scene.matrix3 = place.to_scene.matrix3 * 0.05;
+        let scene = Instances::build(&parts, &[place], FAR, BuildQuality::Medium).expect("sound");
+        let wide = scene.wide(&parts).expect("sound");
+        let view = scene.view();
+        let vertices = meshes[place.mesh as usize].positions.iter();
+        let vertices: Vec<Vec3> = vertices
+            .map(|&p| place.to_scene.transform_point3(p))
+            .collect();
+        for i in 0..600 {
+            let axis = i % 3;
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let outermost = vertices
+                .iter()
+                .max_by(|a, b| (sign * a[axis]).total_cmp(&(sign * b[axis])))
+                .expect("a vertex");
+            let mut origin = Vec3::new(random.signed(), random.signed(), random.signed()) * FAR;
+            // Along the box's face, so that the ray enters it nowhere else.
+            origin[axis] = outermost[axis];
+            let ray = Ray {
+                origin,
+                direction: *outermost - origin,
+                t_min: 0.0,
+                t_max: f32::MAX,
+            };
+            let truth = ask_all(view.instances, &trees, &ray, u32::MAX);
+            hits += usize::from(truth.primitive != BVH_MISS);
+            assert_eq!(
+                bits(instance_closest(&view, ray, u32::MAX)),
+                bits(truth),
+                "{ray:?}"
+            );
+            assert_eq!(bits(wide.closest(&ray, u32::MAX)), bits(truth), "{ray:?}");
+        }
+    }
+    assert!(hits > 2_000, "{hits}");
+}
+
 /// The distance of a point from a triangle.
 fn distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let n = (b - a).cross(c - a).normalize();
