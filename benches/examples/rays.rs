@@ -62,7 +62,8 @@ fn fit(points: &[(f64, f64)]) -> (f64, f64, f64) {
     (my - b * mx, b, xy * xy / (xx * yy))
 }
 
-/// Memory of this process in bytes, where the system tells it.
+/// Memory of this process in bytes, where the system tells it. Its growth is
+/// rough: what was freed before and is used again does not show.
 fn resident() -> f64 {
     let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     let pages = text.split(' ').nth(1).and_then(|v| v.parse::<f64>().ok());
@@ -110,16 +111,22 @@ fn growth(most: usize, count: usize, rounds: usize) {
             for _ in 0..rounds {
                 for (k, (rays, any)) in sets.all().into_iter().enumerate() {
                     let ours = |rs: &[Ray]| {
-                        let hit = |r: &&Ray| match any {
-                            true => wide.any(r),
-                            false => wide.closest(r).primitive != BVH_MISS,
+                        let hit = |r: &&Ray| {
+                            if any {
+                                wide.any(r)
+                            } else {
+                                wide.closest(r).primitive != BVH_MISS
+                            }
                         };
                         rs.iter().filter(hit).count()
                     };
                     let other = |rs: &[Ray]| {
-                        let hit = |r: &&Ray| match any {
-                            true => embree.occluded(&ray(r)),
-                            false => embree.intersect(&ray(r)).is_some(),
+                        let hit = |r: &&Ray| {
+                            if any {
+                                embree.occluded(&ray(r))
+                            } else {
+                                embree.intersect(&ray(r)).is_some()
+                            }
                         };
                         rs.iter().filter(hit).count()
                     };
