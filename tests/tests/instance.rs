@@ -177,7 +177,7 @@ fn rims_of_small_instances_are_kept() {
     let mut hits = 0;
     for seed in 0..40 {
         let mut place = placements(1, meshes.len(), 300 + seed)[0];
-        place.to_scene.matrix3 = place.to_scene.matrix3 * 0.05;
+        place.to_scene.matrix3 *= 0.05;
         let scene = Instances::build(&parts, &[place], FAR, BuildQuality::Medium).expect("sound");
         let wide = scene.wide(&parts).expect("sound");
         let view = scene.view();

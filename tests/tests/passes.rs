@@ -906,7 +906,7 @@ fn accumulate_is_its_cpu_twin() {
             let (color, moment) = (at(&known, SIZE, 4, p), at(&moments, SIZE, 4, p));
             let state = TemporalAccumulateRgbState {
                 color: vec3(color),
-                luminance: moment[0],
+                mean_luminance: moment[0],
                 variance: moment[1],
                 history: color[3],
             };
@@ -920,7 +920,7 @@ fn accumulate_is_its_cpu_twin() {
         .collect();
     let new_moments: Vec<f32> = states
         .iter()
-        .flat_map(|s| [s.luminance, s.variance, 0.0, s.history])
+        .flat_map(|s| [s.mean_luminance, s.variance, 0.0, s.history])
         .collect();
     let run = |lab: &Lab<'_>| {
         let device = lab.device();

@@ -222,6 +222,8 @@ pub fn link_pass(name: &str, images: Images) -> Result<String, LinkError> {
         .join("\n"))
 }
 
+mod packaging;
+
 /// The registry: `NAME "file" [requires]`, for a module that calls back or has
 /// a pass `{ signatures } "bindings files"`, and for one that can read textures
 /// `textures "files" [what they require]`.

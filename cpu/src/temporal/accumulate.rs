@@ -47,7 +47,7 @@ pub struct TemporalAccumulateRgbState {
     /// without touching the moments.
     pub color: Vec3,
     /// Mean luminance of the history, as samples came in.
-    pub luminance: f32,
+    pub mean_luminance: f32,
     /// Mean squared distance of the luminance from its mean, `>= 0`.
     pub variance: f32,
     /// Frames in the history, at most the larger cap; 0 for none.
@@ -64,7 +64,7 @@ pub const TEMPORAL_ACCUMULATE_EMPTY: TemporalAccumulateState = TemporalAccumulat
 /// No history of a colour.
 pub const TEMPORAL_ACCUMULATE_RGB_EMPTY: TemporalAccumulateRgbState = TemporalAccumulateRgbState {
     color: Vec3::ZERO,
-    luminance: 0.0,
+    mean_luminance: 0.0,
     variance: 0.0,
     history: 0.0,
 };
@@ -210,7 +210,7 @@ pub fn temporal_accumulate_rgb_guard(
     let color = temporal_accumulate_usable(state.color.x, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.color.y, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.color.z, TEMPORAL_ACCUMULATE_LARGEST);
-    let moments = temporal_accumulate_usable(state.luminance, TEMPORAL_ACCUMULATE_LARGEST)
+    let moments = temporal_accumulate_usable(state.mean_luminance, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.variance, TEMPORAL_ACCUMULATE_LARGEST_VARIANCE)
         & temporal_accumulate_usable(state.history, TEMPORAL_ACCUMULATE_LONGEST);
     if (color & moments) == 0 {
@@ -218,7 +218,7 @@ pub fn temporal_accumulate_rgb_guard(
     }
     TemporalAccumulateRgbState {
         color: state.color,
-        luminance: state.luminance,
+        mean_luminance: state.mean_luminance,
         variance: state.variance.max(0.0),
         history: state.history.max(0.0),
     }
@@ -252,14 +252,14 @@ pub fn temporal_accumulate_rgb_step(
     let alpha = temporal_accumulate_alpha(history, cap);
     let moments_alpha = temporal_accumulate_alpha(history, moments_cap);
     let light = luminance(sample);
-    let away = light - kept.luminance;
+    let away = light - kept.mean_luminance;
     TemporalAccumulateRgbState {
         color: Vec3::new(
             temporal_accumulate_mean(kept.color.x, sample.x, alpha),
             temporal_accumulate_mean(kept.color.y, sample.y, alpha),
             temporal_accumulate_mean(kept.color.z, sample.z, alpha),
         ),
-        luminance: temporal_accumulate_mean(kept.luminance, light, moments_alpha),
+        mean_luminance: temporal_accumulate_mean(kept.mean_luminance, light, moments_alpha),
         variance: temporal_accumulate_variance(kept.variance, away, moments_alpha),
         history,
     }
@@ -377,7 +377,7 @@ mod tests {
                     rgb = temporal_accumulate_rgb_step(rgb, color, cap, 5.0);
                     assert_eq!((state.mean, state.variance), (value, 0.0));
                     assert_eq!((rgb.color, rgb.variance), (color, 0.0));
-                    assert_eq!(rgb.luminance, luminance(color));
+                    assert_eq!(rgb.mean_luminance, luminance(color));
                 }
             }
         }
@@ -434,7 +434,7 @@ mod tests {
             let k = (power as f32).exp2();
             let other = accumulate(k);
             assert_eq!(other.color, one.color * k);
-            assert_eq!(other.luminance, one.luminance * k);
+            assert_eq!(other.mean_luminance, one.mean_luminance * k);
             assert_eq!(other.variance, one.variance * k * k);
         }
     }

@@ -18,7 +18,7 @@ crate::value_struct!(TemporalAccumulateState {
 #[cfg(feature = "contract")]
 crate::value_struct!(TemporalAccumulateRgbState {
     color: Vec3,
-    luminance: f32,
+    mean_luminance: f32,
     variance: f32,
     history: f32,
 });
@@ -139,22 +139,21 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         variance,
         history,
     };
-    let rgb_of =
-        |color: Vec3, luminance: f32, variance: f32, history: f32| TemporalAccumulateRgbState {
-            color,
-            luminance,
-            variance,
-            history,
-        };
+    let rgb_of = |color: Vec3, mean: f32, variance: f32, history: f32| TemporalAccumulateRgbState {
+        color,
+        mean_luminance: mean,
+        variance,
+        history,
+    };
     let unit_color = || domains::vec3(domains::range(0.0, 1.0));
     let rgb_state = unit_color()
         .and(domains::range(0.0, 1.0))
         .and(domains::range(0.0, 0.25))
         .and(length())
         .map(
-            |(((color, luminance), variance), history)| TemporalAccumulateRgbState {
+            |(((color, mean_luminance), variance), history)| TemporalAccumulateRgbState {
                 color,
-                luminance,
+                mean_luminance,
                 variance,
                 history,
             },
@@ -385,14 +384,14 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
                 .and(broken(value()))
                 .and(broken(domains::log_range(1e-8, 1e9)))
                 .and(length())
-                .map(
-                    |(((color, luminance), variance), history)| TemporalAccumulateRgbState {
+                .map(|(((color, mean_luminance), variance), history)| {
+                    TemporalAccumulateRgbState {
                         color,
-                        luminance,
+                        mean_luminance,
                         variance,
                         history,
-                    },
-                ),),
+                    }
+                }),),
         )
         .bit_exact()
         .by_analysis(NOT_A_NUMBER)

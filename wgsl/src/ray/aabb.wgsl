@@ -2,7 +2,7 @@
 
 // The far plane moves out by this factor: more than the rounding of both
 // planes and of the shear in the triangle test together.
-const AABB_WIDEN: f32 = 1.0 + 0x1p-18f;
+const AABB_WIDEN: f32 = 1.0 + 3.8146973e-6;
 
 // Where a ray is inside a box.
 struct AabbHit {

@@ -1,10 +1,10 @@
 // Ray against plane. Needs math/vector, ray/ray.
 
 // Smallest denominator that the divisions of this group accept.
-const PLANE_TINY: f32 = 0x1p-120f;
+const PLANE_TINY: f32 = 7.523164e-37;
 
 // Largest quotient that the divisions of this group give is below 2^100.
-const PLANE_RATIO: f32 = 0x1p-100f;
+const PLANE_RATIO: f32 = 7.888609e-31;
 
 // Where a ray meets a plane.
 struct PlaneHit {

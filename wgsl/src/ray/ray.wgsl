@@ -1,14 +1,14 @@
 // The ray and what is computed once for each ray.
 
 // Direction components smaller than this count as zero.
-const RAY_FLUSH: f32 = 0x1p-80f;
+const RAY_FLUSH: f32 = 8.271806e-25;
 
 // A stand-in for infinity that arithmetic may touch.
-const RAY_FAR: f32 = 0x1p126f;
+const RAY_FAR: f32 = 8.507059e37;
 
 // Largest rounding-independent shift of a slab, in units of 1 / direction:
 // four times the smallest normal number.
-const RAY_SLACK: f32 = 0x1p-124f;
+const RAY_SLACK: f32 = 4.7019774e-38;
 
 // Points origin + direction * t with t_min <= t <= t_max. Coordinates up to
 // 2^39, the largest direction component between 2^-40 and 2^40,

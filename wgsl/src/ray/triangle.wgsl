@@ -3,11 +3,11 @@
 
 // A triangle's box grows on each side by this part of its largest extent: more
 // than the watertight test can shift an edge.
-const TRIANGLE_PAD: f32 = 0x1p-20f;
+const TRIANGLE_PAD: f32 = 9.536743e-7;
 
 // An edge of which no component reaches this has no length, and a triangle
 // whose edges, brought to size one, span less has no area.
-const TRIANGLE_FLAT: f32 = 0x1p-100f;
+const TRIANGLE_FLAT: f32 = 7.888609e-31; // 2^-100
 
 // Where a ray meets a triangle.
 struct TriangleHit {

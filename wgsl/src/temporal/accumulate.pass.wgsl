@@ -25,7 +25,7 @@ fn temporal_accumulate_pass_color(@builtin(global_invocation_id) id: vec3u) {
     );
     temporal_accumulate_write_color(id.xy, vec4f(state.color, state.history));
     temporal_accumulate_write_moments(
-        id.xy, vec4f(state.luminance, state.variance, 0.0, state.history),
+        id.xy, vec4f(state.mean_luminance, state.variance, 0.0, state.history),
     );
 }
 

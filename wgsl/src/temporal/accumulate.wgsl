@@ -24,7 +24,7 @@ struct TemporalAccumulateRgbState {
     // Mean colour; a filter may feed its own result back here.
     color: vec3f,
     // Mean luminance, as samples came in.
-    luminance: f32,
+    mean_luminance: f32,
     // Mean squared distance of the luminance from its mean, >= 0.
     variance: f32,
     // Frames in the history, at most the larger cap; 0 for none.
@@ -129,14 +129,14 @@ fn temporal_accumulate_rgb_guard(
     let color = temporal_accumulate_usable(state.color.x, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.color.y, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.color.z, TEMPORAL_ACCUMULATE_LARGEST);
-    let moments = temporal_accumulate_usable(state.luminance, TEMPORAL_ACCUMULATE_LARGEST)
+    let moments = temporal_accumulate_usable(state.mean_luminance, TEMPORAL_ACCUMULATE_LARGEST)
         & temporal_accumulate_usable(state.variance, TEMPORAL_ACCUMULATE_LARGEST_VARIANCE)
         & temporal_accumulate_usable(state.history, TEMPORAL_ACCUMULATE_LONGEST);
     if (color & moments) == 0u {
         return TEMPORAL_ACCUMULATE_RGB_EMPTY;
     }
     return TemporalAccumulateRgbState(
-        state.color, state.luminance, max(state.variance, 0.0), max(state.history, 0.0),
+        state.color, state.mean_luminance, max(state.variance, 0.0), max(state.history, 0.0),
     );
 }
 
@@ -159,14 +159,14 @@ fn temporal_accumulate_rgb_step(
     let alpha = temporal_accumulate_alpha(history, cap);
     let moments_alpha = temporal_accumulate_alpha(history, moments_cap);
     let light = luminance(sample);
-    let away = light - kept.luminance;
+    let away = light - kept.mean_luminance;
     return TemporalAccumulateRgbState(
         vec3f(
             temporal_accumulate_mean(kept.color.x, sample.x, alpha),
             temporal_accumulate_mean(kept.color.y, sample.y, alpha),
             temporal_accumulate_mean(kept.color.z, sample.z, alpha),
         ),
-        temporal_accumulate_mean(kept.luminance, light, moments_alpha),
+        temporal_accumulate_mean(kept.mean_luminance, light, moments_alpha),
         temporal_accumulate_variance(kept.variance, away, moments_alpha),
         history,
     );
