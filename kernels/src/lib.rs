@@ -21,6 +21,8 @@
 //! - `build`: BVH building through obvhs.
 //! - `gpu`: ready wgpu pieces.
 //! - `rayon`: passes over whole images on the CPU work on rows in parallel.
+//! - `wesl`: the WGSL as a WESL package for cargo (`wgsl::wesl::PACKAGE`); asks for
+//!   Rust 1.97.1.
 //! - `contract`: what each kernel promises (module `contract`), for tests, benches
 //!   and reports.
 

@@ -223,6 +223,8 @@ pub fn link_pass(name: &str, images: Images) -> Result<String, LinkError> {
 }
 
 mod packaging;
+#[cfg(feature = "wesl")]
+pub mod wesl;
 
 /// The registry: `NAME "file" [requires]`, for a module that calls back or has
 /// a pass `{ signatures } "bindings files"`, and for one that can read textures

@@ -161,7 +161,26 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
         full.as_slice(),
         &mut tests,
     )?;
+    wesl_package(&environment, &mut tests)?;
     tests.finish()
+}
+
+/// The WESL package with wesl 0.6, which asks for Rust 1.97.1 and builds with
+/// 1.95 too.
+fn wesl_package(environment: &Environment, tests: &mut Tests) -> Result<(), Failure> {
+    let version = run::rust_version()?;
+    if version < (1, 95) {
+        let (major, minor) = version;
+        tests.skip(format!(
+            "the WESL package: wesl 0.6 does not build with Rust {major}.{minor}"
+        ));
+        return Ok(());
+    }
+    let package = ["test", "--manifest-path", "tests/wesl/Cargo.toml"];
+    let apart = ["--ignore-rust-version", "--target-dir", "target/wesl"];
+    environment.cargo_test(&[package.as_slice(), &apart].concat(), &[], tests)?;
+    let pages = ["test", "--package", "raytwin-wgsl", "--features", "wesl"];
+    environment.cargo_test(&[pages.as_slice(), &apart].concat(), &[], tests)
 }
 
 /// Runs an example of the tests' crate.

@@ -132,15 +132,48 @@ impl Environment {
     }
 }
 
+/// The compiler's version, as far as the second number.
+///
+/// # Errors
+/// If it does not start or its answer is not one.
+pub fn rust_version() -> Result<(u32, u32), Failure> {
+    let program = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into());
+    let output = Command::new(&program)
+        .arg("--version")
+        .output()
+        .map_err(|e| Failure::Start(program.clone(), e))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let mut numbers = text
+        .split_whitespace()
+        .nth(1)
+        .unwrap_or_default()
+        .split('.')
+        .map_while(|n| n.parse().ok());
+    match (numbers.next(), numbers.next()) {
+        (Some(major), Some(minor)) => Ok((major, minor)),
+        _ => Err(Failure::Setup(format!(
+            "`{program} --version` says `{}`, not a version",
+            text.trim()
+        ))),
+    }
+}
+
 /// Sums over every test runner that cargo starts.
 #[derive(Default)]
 pub struct Tests {
     passed: usize,
     failed: usize,
     ignored: usize,
+    skipped: Vec<String>,
 }
 
 impl Tests {
+    /// Notes that a whole part was not run, and why; loudly, here and at the end.
+    pub fn skip(&mut self, what: String) {
+        println!("SKIPPED: {what}");
+        self.skipped.push(what);
+    }
+
     /// Takes a line of output: `test result: ok. 3 passed; 0 failed; 0 ignored; …`.
     fn read(&mut self, line: &str) {
         let Some(result) = line.strip_prefix("test result: ") else {
@@ -166,8 +199,13 @@ impl Tests {
         println!();
         println!(
             "{} passed, {} failed, {} skipped",
-            self.passed, self.failed, self.ignored
+            self.passed,
+            self.failed,
+            self.ignored + self.skipped.len()
         );
+        for what in &self.skipped {
+            println!("SKIPPED: {what}");
+        }
         match (self.passed, self.failed) {
             (0, 0) => Err(Failure::NoTests),
             (_, 0) => Ok(()),
