@@ -150,6 +150,22 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
             &[],
         )?;
     }
+    // What crates.io would get, built from the packed files.
+    environment.cargo(
+        "package",
+        &[
+            "package",
+            "--quiet",
+            "--allow-dirty",
+            "--package",
+            "raytwin-cpu",
+            "--package",
+            "raytwin-wgsl",
+            "--package",
+            "raytwin",
+        ],
+        &[],
+    )?;
     let mut tests = Tests::default();
     let full = if full {
         Some(("RAYTWIN_FULL", "1"))
@@ -161,26 +177,31 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
         full.as_slice(),
         &mut tests,
     )?;
-    wesl_package(&environment, &mut tests)?;
+    packagings(&environment, &mut tests)?;
     tests.finish()
 }
 
-/// The WESL package with wesl 0.6, which asks for Rust 1.97.1 and builds with
-/// 1.95 too.
-fn wesl_package(environment: &Environment, tests: &mut Tests) -> Result<(), Failure> {
+/// The packagings whose libraries (wesl 0.6, Bevy 0.20) ask for Rust 1.97.1, and
+/// build with 1.95 too. Each is a workspace of its own.
+fn packagings(environment: &Environment, tests: &mut Tests) -> Result<(), Failure> {
     let version = run::rust_version()?;
     if version < (1, 95) {
         let (major, minor) = version;
         tests.skip(format!(
-            "the WESL package: wesl 0.6 does not build with Rust {major}.{minor}"
+            "the WESL package and the Bevy plugin: wesl 0.6 and Bevy 0.20 do not build with Rust {major}.{minor}"
         ));
         return Ok(());
     }
-    let package = ["test", "--manifest-path", "tests/wesl/Cargo.toml"];
-    let apart = ["--ignore-rust-version", "--target-dir", "target/wesl"];
-    environment.cargo_test(&[package.as_slice(), &apart].concat(), &[], tests)?;
-    let pages = ["test", "--package", "raytwin-wgsl", "--features", "wesl"];
-    environment.cargo_test(&[pages.as_slice(), &apart].concat(), &[], tests)
+    let wesl: &[&str] = &["--manifest-path", "tests/wesl/Cargo.toml"];
+    let pages: &[&str] = &["--package", "raytwin-wgsl", "--features", "wesl"];
+    let bevy: &[&str] = &["--manifest-path", "kernels/examples/bevy/Cargo.toml"];
+    for (which, folder) in [(wesl, "wesl"), (pages, "wesl"), (bevy, "bevy")] {
+        let folder = format!("target/{folder}");
+        let apart = ["--ignore-rust-version", "--target-dir", &folder];
+        let arguments = [&["test"], which, &apart].concat();
+        environment.cargo_test(&arguments, &[], tests)?;
+    }
+    Ok(())
 }
 
 /// Runs an example of the tests' crate.
