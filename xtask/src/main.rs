@@ -1,10 +1,12 @@
 //! Set-up and the two commands: `cargo xtask report` and `cargo xtask test`.
 
 mod compiler;
+mod deny;
 mod embree;
 mod packages;
 mod run;
 mod vulkan;
+mod web;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -44,6 +46,10 @@ enum Task {
     Docs,
     /// Write each kernel's golden vectors into tests/golden.
     Golden,
+    /// Write the npm package into target/npm/raytwin.
+    Npm,
+    /// Compile everything with headless Chromium and run each kernel there.
+    WebTest,
 }
 
 fn main() -> ExitCode {
@@ -56,6 +62,8 @@ fn main() -> ExitCode {
         Task::Setup => setup(&root).map(drop),
         Task::Docs => example(&root, "docs"),
         Task::Golden => example(&root, "golden"),
+        Task::Npm => web::npm(&Environment::bare(&root)),
+        Task::WebTest => web_test(&root),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -177,7 +185,9 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
         full.as_slice(),
         &mut tests,
     )?;
+    deny::check(root, &environment, &mut tests)?;
     packagings(&environment, &mut tests)?;
+    web::test(root, &environment, &mut tests)?;
     tests.finish()
 }
 
@@ -202,6 +212,12 @@ fn packagings(environment: &Environment, tests: &mut Tests) -> Result<(), Failur
         environment.cargo_test(&arguments, &[], tests)?;
     }
     Ok(())
+}
+
+fn web_test(root: &Path) -> Result<(), Failure> {
+    let mut tests = Tests::default();
+    web::test(root, &Environment::bare(root), &mut tests)?;
+    tests.finish()
 }
 
 /// Runs an example of the tests' crate.

@@ -111,25 +111,30 @@ impl Environment {
         tests: &mut Tests,
     ) -> Result<(), Failure> {
         println!("$ cargo {}", arguments.join(" "));
-        let (program, mut command) = self.command(arguments, variables);
-        let mut child = command
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|e| Failure::Start(program, e))?;
-        if let Some(output) = child.stdout.take() {
-            for line in BufReader::new(output).lines().map_while(Result::ok) {
-                println!("{line}");
-                tests.read(&line);
-            }
-        }
-        let status = child
-            .wait()
-            .map_err(|e| Failure::Start("cargo test".into(), e))?;
-        if !status.success() && tests.failed == 0 {
-            return Err(Failure::Step("test", 101));
-        }
-        Ok(())
+        let (_, command) = self.command(arguments, variables);
+        counted(command, "cargo test", tests)
     }
+}
+
+/// Runs a test runner, shows its output as it comes and counts.
+///
+/// # Errors
+/// If it does not start, or ends badly without a failed test.
+pub fn counted(mut command: Command, step: &'static str, tests: &mut Tests) -> Result<(), Failure> {
+    let start = |e| Failure::Start(step.into(), e);
+    let failed = tests.failed;
+    let mut child = command.stdout(Stdio::piped()).spawn().map_err(start)?;
+    if let Some(output) = child.stdout.take() {
+        for line in BufReader::new(output).lines().map_while(Result::ok) {
+            println!("{line}");
+            tests.read(&line);
+        }
+    }
+    let status = child.wait().map_err(start)?;
+    if !status.success() && tests.failed == failed {
+        return Err(Failure::Step(step, 101));
+    }
+    Ok(())
 }
 
 /// The compiler's version, as far as the second number.

@@ -191,10 +191,11 @@ pub(crate) fn instance_walk(
             }
         }
         if next == 0 || steps >= BVH_STEPS {
-            return best;
+            break;
         }
         node = next;
     }
+    best
 }
 
 #[inline(always)]

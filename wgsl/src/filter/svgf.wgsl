@@ -37,7 +37,7 @@ const SVGF_TOTAL_MIN: f32 = 9.094947e-13;
 // Largest step between taps, in pixels.
 const SVGF_STEP_MAX: u32 = 1048576u;
 // Largest finite number.
-const SVGF_HUGE: f32 = 3.4028235e38;
+const SVGF_HUGE: f32 = 3.4028234e38;
 // Where a weight ends, 2^-40: its square would be subnormal.
 const SVGF_EXPONENT_MAX: f32 = 40.0;
 // 2^-f = 1 + f (F1 + ...), relative error 2^-23.4 on |f| <= 1/2.

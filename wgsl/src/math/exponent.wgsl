@@ -26,7 +26,7 @@ fn exp2_poly(x: f32) -> f32 {
         return 0.0;
     }
     if x >= 128.0 {
-        return 3.4028235e38;
+        return 3.4028234e38;
     }
     let k = floor(x + 0.5);
     let f = x - k;

@@ -1,7 +1,7 @@
 // Pinhole camera: pixel to ray, and depth back to a world position.
 // Needs math/vector, ray/ray.
 
-const CAMERA_FAR: f32 = 3.4028235e38;
+const CAMERA_FAR: f32 = 3.4028234e38;
 
 // A pinhole camera in world space.
 struct Camera {

@@ -135,7 +135,7 @@ fn instance_walk(top: u32, ray: Ray, mask: u32, any_hit: bool) -> InstanceHit {
             }
         }
         if next == 0u || steps >= BVH_STEPS {
-            return best;
+            break;
         }
         node = next;
     }
