@@ -3,6 +3,7 @@
 mod compiler;
 mod deny;
 mod embree;
+mod gallery;
 mod packages;
 mod run;
 mod vulkan;
@@ -48,6 +49,18 @@ enum Task {
     Golden,
     /// Write the npm package into target/npm/raytwin.
     Npm,
+    /// Build the gallery into target/gallery and serve it on this machine.
+    Gallery {
+        /// Where to serve it.
+        #[arg(long, default_value_t = 8080)]
+        port: u16,
+        /// Only build it.
+        #[arg(long)]
+        build_only: bool,
+        /// Test it in headless Chromium instead of serving it.
+        #[arg(long)]
+        test: bool,
+    },
     /// Compile everything with headless Chromium and run each kernel there.
     WebTest,
 }
@@ -64,6 +77,11 @@ fn main() -> ExitCode {
         Task::Golden => example(&root, "golden"),
         Task::Npm => web::npm(&Environment::bare(&root)),
         Task::WebTest => web_test(&root),
+        Task::Gallery {
+            port,
+            build_only,
+            test,
+        } => gallery(&root, port, build_only, test),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -188,6 +206,7 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
     deny::check(root, &environment, &mut tests)?;
     packagings(&environment, &mut tests)?;
     web::test(root, &environment, &mut tests)?;
+    gallery::test(root, &environment, &mut tests)?;
     tests.finish()
 }
 
@@ -212,6 +231,20 @@ fn packagings(environment: &Environment, tests: &mut Tests) -> Result<(), Failur
         environment.cargo_test(&arguments, &[], tests)?;
     }
     Ok(())
+}
+
+fn gallery(root: &Path, port: u16, build_only: bool, test: bool) -> Result<(), Failure> {
+    let environment = Environment::bare(root);
+    if test {
+        let mut tests = Tests::default();
+        gallery::test(root, &environment, &mut tests)?;
+        return tests.finish();
+    }
+    let folder = gallery::build(root, &environment)?;
+    if build_only {
+        return Ok(());
+    }
+    gallery::serve(&folder, port)
 }
 
 fn web_test(root: &Path) -> Result<(), Failure> {

@@ -21,57 +21,85 @@ pub fn npm(environment: &Environment) -> Result<(), Failure> {
 /// # Errors
 /// If a step does not run.
 pub fn test(root: &Path, environment: &Environment, tests: &mut Tests) -> Result<(), Failure> {
-    if !(on_path("node") && on_path("npm")) {
-        tests.skip(
-            "the browser and the npm package: Node (18 or newer) with npm is not here".into(),
-        );
+    let Some(browser) = Browser::ready(root, tests)? else {
         return Ok(());
-    }
-    let chromium = match chromium() {
-        Ok(path) => path,
-        Err(why) => {
-            tests.skip(format!("the browser and the npm package: {why}"));
-            return Ok(());
-        }
     };
-    let folder = root.join("target").join("web");
-    let (node, data) = (folder.join("node"), folder.join("data"));
-    std::fs::create_dir_all(&node).map_err(|e| cannot(&node, &e))?;
+    let data = root.join("target").join("web").join("data");
     let written = data.display().to_string();
     environment.cargo("web", &example("web", &[&written]), &[])?;
     npm(environment)?;
-    let from = root.join("tests").join("web");
-    let files = std::fs::read_dir(&from).map_err(|e| cannot(&from, &e))?;
-    for file in files.flatten() {
-        let to = node.join(file.file_name());
-        std::fs::copy(file.path(), &to).map_err(|e| cannot(&to, &e))?;
-    }
-    println!(
-        "the browser's driver and the linker wesl-js go into {}",
-        node.display()
-    );
-    let mut install = program("npm");
-    install.args([
-        "ci",
-        "--ignore-scripts",
-        "--no-audit",
-        "--no-fund",
-        "--silent",
-    ]);
-    let status = install.current_dir(&node).status();
-    let status = status.map_err(|e| Failure::Start("npm".into(), e))?;
-    if !status.success() {
-        return Err(Failure::Step("npm ci", 1));
-    }
     let package = root.join("target").join("npm").join("raytwin");
-    let mut linking = program("node");
-    linking.arg("npm.mjs").args([&package, &data]);
-    linking.current_dir(&node);
-    run::counted(linking, "node npm.mjs", tests)?;
-    let mut browsing = program("node");
-    browsing.arg("driver.mjs").args([&data, &chromium]);
-    browsing.current_dir(&node);
-    run::counted(browsing, "node driver.mjs", tests)
+    browser.node("npm.mjs", &[&package, &data], tests)?;
+    browser.node("driver.mjs", &[&data, &browser.chromium], tests)
+}
+
+/// Headless Chromium, and a folder with its driver.
+pub struct Browser {
+    /// Chromium's program.
+    pub chromium: PathBuf,
+    folder: PathBuf,
+}
+
+impl Browser {
+    /// Finds or installs what is needed; `None`, loudly, without Node or Chromium.
+    ///
+    /// # Errors
+    /// If a file cannot be copied or npm fails.
+    pub fn ready(root: &Path, tests: &mut Tests) -> Result<Option<Self>, Failure> {
+        let mut skip = |why: &str| {
+            tests.skip(format!("what runs in a browser: {why}"));
+            Ok(None)
+        };
+        if !(on_path("node") && on_path("npm")) {
+            return skip("Node (20 or newer) with npm is not here");
+        }
+        let chromium = match chromium() {
+            Ok(path) => path,
+            Err(why) => return skip(&why),
+        };
+        let folder = root.join("target").join("web").join("node");
+        std::fs::create_dir_all(&folder).map_err(|e| cannot(&folder, &e))?;
+        let from = root.join("tests").join("web");
+        let files = std::fs::read_dir(&from).map_err(|e| cannot(&from, &e))?;
+        for file in files.flatten() {
+            let to = folder.join(file.file_name());
+            std::fs::copy(file.path(), &to).map_err(|e| cannot(&to, &e))?;
+        }
+        println!(
+            "the browser's driver and the linker wesl-js go into {}",
+            folder.display()
+        );
+        let mut install = program("npm");
+        install.args([
+            "ci",
+            "--ignore-scripts",
+            "--no-audit",
+            "--no-fund",
+            "--silent",
+        ]);
+        let status = install.current_dir(&folder).status();
+        let status = status.map_err(|e| Failure::Start("npm".into(), e))?;
+        if !status.success() {
+            return Err(Failure::Step("npm ci", 1));
+        }
+        Ok(Some(Self { chromium, folder }))
+    }
+
+    /// Runs one of the folder's scripts and counts what it tests.
+    ///
+    /// # Errors
+    /// If it does not start, or ends badly without a failed test.
+    pub fn node(
+        &self,
+        script: &'static str,
+        arguments: &[&Path],
+        tests: &mut Tests,
+    ) -> Result<(), Failure> {
+        let mut command = program("node");
+        command.arg(script).args(arguments);
+        command.current_dir(&self.folder);
+        run::counted(command, script, tests)
+    }
 }
 
 /// npm is a script on Windows.
@@ -83,11 +111,11 @@ fn program(name: &str) -> Command {
     }
 }
 
-fn cannot(path: &Path, error: &std::io::Error) -> Failure {
+pub fn cannot(path: &Path, error: &std::io::Error) -> Failure {
     Failure::Setup(format!("{}: {error}", path.display()))
 }
 
-fn example<'a>(name: &'a str, arguments: &[&'a str]) -> Vec<&'a str> {
+pub fn example<'a>(name: &'a str, arguments: &[&'a str]) -> Vec<&'a str> {
     let run = ["run", "--quiet", "--package", "raytwin-tests"];
     let mut all = [run.as_slice(), &["--example", name, "--"]].concat();
     all.extend(arguments);
