@@ -266,4 +266,11 @@ fn the_readme_quotes_what_is_tested() {
         "the plugin has changed"
     );
     assert!(blocks.next().is_none(), "an untested block");
+    let web = |text: &str| -> Option<String> {
+        let code = text.split("```js\n").nth(1)?.split("```").next()?;
+        Some(code.to_owned())
+    };
+    // tests/web/npm.mjs runs what that page shows.
+    assert!(web(&readme).is_some());
+    assert_eq!(web(&readme), web(&read("wgsl/npm/README.md")));
 }

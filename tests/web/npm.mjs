@@ -27,6 +27,16 @@ try {
   const installed = createRequire(join(user, "main.mjs"));
   const load = (name) => import(pathToFileURL(installed.resolve(name)).href);
   const kit = await load("raytwin");
+  // What the package's page shows, as it stands there but for the imports.
+  const page = await readFile(join(user, "node_modules", "raytwin", "README.md"), "utf8");
+  const blocks = page.split("```js\n").slice(1).map((text) => text.split("```")[0]);
+  const code = blocks.map((text) => text.replace(/^(import|const module) .*$/gm, ""));
+  const AsyncFunction = (async () => {}).constructor;
+  const first = await new AsyncFunction("link", `${code[0]}; return code;`)(kit.link);
+  const cone = (await load("raytwin/sample/cone")).default;
+  const second = await new AsyncFunction("link", "cone", `${code[1]}; return linked.dest;`)(weslLink, cone);
+  programs.push({ name: "the page's first example", source: first, subgroups: false });
+  programs.push({ name: "the page's second example", source: second, subgroups: false });
   for (const { name, main, imports, source } of calls) {
     try {
       const { default: bundle } = await load(`raytwin/${name}`);
