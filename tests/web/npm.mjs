@@ -30,7 +30,7 @@ try {
   // What the package's page shows, as it stands there but for the imports.
   const page = await readFile(join(user, "node_modules", "raytwin", "README.md"), "utf8");
   const blocks = page.split("```js\n").slice(1).map((text) => text.split("```")[0]);
-  const code = blocks.map((text) => text.replace(/^(import|const module) .*$/gm, ""));
+  const code = blocks.map((text) => text.replace(/^(import .* from|const module) .*$/gm, ""));
   const AsyncFunction = (async () => {}).constructor;
   const first = await new AsyncFunction("link", `${code[0]}; return code;`)(kit.link);
   const cone = (await load("raytwin/sample/cone")).default;
