@@ -118,10 +118,8 @@ fn files(root: &Path) -> Result<BTreeMap<String, String>, String> {
 fn write(folder: &Path, files: &BTreeMap<String, String>) -> Result<(), String> {
     let at = |path: &Path, e: std::io::Error| format!("{}: {e}", path.display());
     let fresh = folder.with_extension("new");
-    for old in [&fresh, folder] {
-        if old == &fresh && old.exists() {
-            std::fs::remove_dir_all(old).map_err(|e| at(old, e))?;
-        }
+    if fresh.exists() {
+        std::fs::remove_dir_all(&fresh).map_err(|e| at(&fresh, e))?;
     }
     for (name, text) in files {
         let path = fresh.join(name);
