@@ -32,6 +32,15 @@ const L9: f32 = 0.12952681;
 /// Error analysis: the distance to the nearest integer is exact, the
 /// polynomial's correction is at most 0.42 in size, and the scaling is exact:
 /// one ULP and a half covers it.
+///
+/// ```
+/// use raytwin_cpu::math::exponent::exp2_poly;
+///
+/// assert_eq!(exp2_poly(10.0), 1024.0);
+/// let root = exp2_poly(0.5);
+/// assert!((root * root - 2.0).abs() < 1e-6);
+/// assert_eq!(exp2_poly(-1000.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn exp2_poly(x: f32) -> f32 {
@@ -60,6 +69,15 @@ pub fn exp2_poly(x: f32) -> f32 {
 /// Error analysis: the mantissa is split off by bits, so near one the result
 /// is the polynomial alone and its relative error holds; elsewhere adding the
 /// integer exponent rounds once.
+///
+/// ```
+/// use raytwin_cpu::math::exponent::{exp2_poly, log2_poly};
+///
+/// assert_eq!(log2_poly(1024.0), 10.0);
+/// let x = 0.3;
+/// assert!((exp2_poly(log2_poly(x)) - x).abs() < 1e-6);
+/// assert_eq!(log2_poly(0.0), -127.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn log2_poly(x: f32) -> f32 {
@@ -82,6 +100,14 @@ pub fn log2_poly(x: f32) -> f32 {
 ///
 /// `x^0` is 1, `0^y` is 0 for positive `y`. The relative error grows with the
 /// size of the result's logarithm: about `0.35·|y·log2 x| + 2` ULP.
+///
+/// ```
+/// use raytwin_cpu::math::exponent::pow_poly;
+///
+/// assert!((pow_poly(2.0, 0.5) - 2.0_f32.sqrt()).abs() < 1e-6);
+/// assert_eq!(pow_poly(0.0, 5.0), 0.0);
+/// assert_eq!(pow_poly(0.0, 0.0), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn pow_poly(x: f32, y: f32) -> f32 {

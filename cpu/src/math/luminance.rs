@@ -10,6 +10,15 @@ use glam::Vec3;
 ///
 /// Error analysis: three products and two sums of terms of one sign for
 /// non-negative colours: at most 2 ULP.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::math::luminance::luminance;
+///
+/// assert!((luminance(Vec3::splat(0.5)) - 0.5).abs() < 1e-6);
+/// // Of the three primaries, green is by far the brightest.
+/// assert!(luminance(Vec3::Y) > 3.0 * luminance(Vec3::X));
+/// ```
 #[inline]
 #[must_use]
 pub fn luminance(rgb: Vec3) -> f32 {

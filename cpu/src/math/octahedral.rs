@@ -18,6 +18,16 @@ const OCTAHEDRAL_SNORM: f32 = 3.051_850_9e-5;
 /// Error analysis: a sum of three sizes (2 ULP), one division (2.5 ULP in
 /// WGSL) and, in the lower half, one subtraction from 1 that adds an absolute
 /// half ULP of 1: a few 2^-24 absolute.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::math::octahedral::{octahedral_decode, octahedral_encode};
+///
+/// assert_eq!(octahedral_encode(Vec3::Z), Vec2::ZERO);
+/// let n = Vec3::new(0.48, -0.6, -0.64);
+/// let back = octahedral_decode(octahedral_encode(n));
+/// assert!((back - n).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn octahedral_encode(n: Vec3) -> Vec2 {
@@ -42,6 +52,15 @@ pub fn octahedral_encode(n: Vec3) -> Vec2 {
 /// Error analysis: before normalisation each component is exact to an
 /// absolute 2^-24 or so and the vector is at least 1/√3 long, so each
 /// component of the result is within a few 2^-24.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::math::octahedral::octahedral_decode;
+///
+/// assert_eq!(octahedral_decode(Vec2::ZERO), Vec3::Z);
+/// // The square's corners all are the lower pole.
+/// assert_eq!(octahedral_decode(Vec2::ONE), Vec3::NEG_Z);
+/// ```
 #[inline]
 #[must_use]
 pub fn octahedral_decode(p: Vec2) -> Vec3 {
@@ -63,6 +82,15 @@ pub fn octahedral_decode(p: Vec2) -> Vec3 {
 /// Error analysis: a product with a rounded constant, 1 ULP, which the vector's
 /// length before it is normalised (1/√3 at least) can make 1.7 of the result;
 /// then that of [`octahedral_decode`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::math::octahedral::octahedral_unpack;
+///
+/// // x in the low half, y in the high one, as snorm: (1, 0) is the x axis.
+/// assert_eq!(octahedral_unpack(0x0000_7fff), Vec3::X);
+/// assert_eq!(octahedral_unpack(0x8001_0000), Vec3::NEG_Y);
+/// ```
 #[inline]
 #[must_use]
 pub fn octahedral_unpack(bits: u32) -> Vec3 {

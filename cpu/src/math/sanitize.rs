@@ -6,6 +6,14 @@
 use glam::Vec3;
 
 /// 1 if the bits are those of a finite `f32`, else 0 (NaN or infinity).
+///
+/// ```
+/// use raytwin_cpu::math::sanitize::finite_bits;
+///
+/// assert_eq!(finite_bits(1.5_f32.to_bits()), 1);
+/// assert_eq!(finite_bits(f32::INFINITY.to_bits()), 0);
+/// assert_eq!(finite_bits(f32::NAN.to_bits()), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn finite_bits(bits: u32) -> u32 {
@@ -16,6 +24,13 @@ pub fn finite_bits(bits: u32) -> u32 {
 ///
 /// Takes bits so that no NaN ever exists as an `f32`: read the buffer as
 /// `u32`. Exact.
+///
+/// ```
+/// use raytwin_cpu::math::sanitize::sanitize_bits;
+///
+/// assert_eq!(sanitize_bits(1.5_f32.to_bits(), 0.0), 1.5);
+/// assert_eq!(sanitize_bits(f32::NAN.to_bits(), 0.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn sanitize_bits(bits: u32, fallback: f32) -> f32 {
@@ -26,6 +41,13 @@ pub fn sanitize_bits(bits: u32, fallback: f32) -> f32 {
 }
 
 /// `x`, or `fallback` if `x` is NaN or infinite. Exact.
+///
+/// ```
+/// use raytwin_cpu::math::sanitize::sanitize_finite;
+///
+/// assert_eq!(sanitize_finite(1.5, 0.0), 1.5);
+/// assert_eq!(sanitize_finite(1.0 / 0.0, 0.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn sanitize_finite(x: f32, fallback: f32) -> f32 {
@@ -34,6 +56,15 @@ pub fn sanitize_finite(x: f32, fallback: f32) -> f32 {
 
 /// `v`, or `fallback` if any component of `v` is NaN or infinite: half a
 /// colour is no colour. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::math::sanitize::sanitize_vector;
+///
+/// let colour = Vec3::new(1.0, f32::NAN, 2.0);
+/// assert_eq!(sanitize_vector(colour, Vec3::ZERO), Vec3::ZERO);
+/// assert_eq!(sanitize_vector(Vec3::ONE, Vec3::ZERO), Vec3::ONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn sanitize_vector(v: Vec3, fallback: Vec3) -> Vec3 {

@@ -39,6 +39,16 @@ const TAN_EIGHTH: f32 = 0.41421357;
 /// The sine's polynomial is summed to half an ULP of 1.57 and multiplied once;
 /// the cosine's correction is at most 0.30 in size, so its rounding reaches a
 /// quarter of an ULP of the result before the last addition adds a half.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::math::trig::sincos_turn;
+///
+/// // A quarter turn is exact, as no sine of π/2 in f32 can be.
+/// assert_eq!(sincos_turn(0.25), Vec2::new(1.0, 0.0));
+/// let eighth = sincos_turn(0.125);
+/// assert!((eighth.x - 0.5_f32.sqrt()).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn sincos_turn(u: f32) -> Vec2 {
@@ -66,6 +76,15 @@ pub fn sincos_turn(u: f32) -> Vec2 {
 /// Error analysis: one division (2.5 ULP in WGSL), a polynomial of half the
 /// weight, and additions of exact fractions of a turn: absolute error below
 /// 2^-23 turns; relative error as small only near angle zero.
+///
+/// ```
+/// use raytwin_cpu::math::trig::{atan2_turn, sincos_turn};
+///
+/// assert_eq!(atan2_turn(1.0, 0.0), 0.25);
+/// assert_eq!(atan2_turn(-1.0, -1.0), 0.625);
+/// let p = sincos_turn(0.3);
+/// assert!((atan2_turn(p.x, p.y) - 0.3).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn atan2_turn(y: f32, x: f32) -> f32 {
