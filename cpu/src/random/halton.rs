@@ -21,6 +21,15 @@ pub const HALTON_STRIDE: u32 = 186_624;
 pub const HALTON_PERIOD: u32 = 23_014;
 
 /// Where one pixel is in its sequence.
+///
+/// ```
+/// use raytwin_cpu::random::halton::{halton_index, halton_init};
+///
+/// // The first path of pixel (3, 5) in frame 0: two dimensions chose the pixel.
+/// let state = halton_init(3, 5, 0, 1, 0, 64);
+/// assert_eq!(state.dimension, 2);
+/// assert_eq!(state.index, halton_index(3, 5, 0));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HaltonState {
     /// Dimension that the next [`halton_next`] draws.
@@ -30,6 +39,15 @@ pub struct HaltonState {
 }
 
 /// What one draw gives.
+///
+/// ```
+/// use raytwin_cpu::random::halton::{halton_init, halton_next};
+///
+/// let first = halton_next(halton_init(3, 5, 0, 1, 0, 64));
+/// let second = halton_next(first.state);
+/// assert_eq!(second.state.dimension, 4);
+/// assert!((0.0..1.0).contains(&second.value));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HaltonDraw {
     /// State for the next draw: one dimension on.
@@ -40,6 +58,17 @@ pub struct HaltonDraw {
 
 /// The lowest `digits` binary digits of `index`, mirrored. `digits <= 32`; 0
 /// digits give 0.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_reverse_base_two;
+///
+/// assert_eq!(halton_reverse_base_two(0b0001_0110, 8), 0b0110_1000);
+/// // A mirror image mirrored is the number itself.
+/// assert_eq!(
+///     halton_reverse_base_two(halton_reverse_base_two(77, 8), 8),
+///     77
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_reverse_base_two(index: u32, digits: u32) -> u32 {
@@ -50,6 +79,14 @@ pub fn halton_reverse_base_two(index: u32, digits: u32) -> u32 {
 }
 
 /// The lowest `digits` ternary digits of `index`, mirrored. `digits <= 20`.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_reverse_base_three;
+///
+/// // 5 is 12 in base three; with three digits 012, mirrored 210: 21.
+/// assert_eq!(halton_reverse_base_three(5, 3), 21);
+/// assert_eq!(halton_reverse_base_three(21, 3), 5);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_reverse_base_three(index: u32, digits: u32) -> u32 {
@@ -70,6 +107,19 @@ pub fn halton_reverse_base_three(index: u32, digits: u32) -> u32 {
 /// Tiles repeat over the screen. `i` counts modulo [`HALTON_PERIOD`]: one more
 /// and the index would pass 2^32, and an index that wrapped would belong to
 /// another pixel.
+///
+/// ```
+/// use raytwin_cpu::random::halton::{
+///     HALTON_TILE_WIDTH, halton_index, halton_sample,
+/// };
+///
+/// // Every point of the sequence of pixel (17, 300) lies in that pixel.
+/// for i in 0..4 {
+///     let index = halton_index(17, 300, i);
+///     let x = halton_sample(0, index) * HALTON_TILE_WIDTH as f32;
+///     assert_eq!(x.floor(), 17.0);
+/// }
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_index(x: u32, y: u32, i: u32) -> u32 {
@@ -86,6 +136,15 @@ pub fn halton_index(x: u32, y: u32, i: u32) -> u32 {
 /// `paths` paths are traced in a pixel each frame, `path` is this one's
 /// number, and after `frame_loop` frames the points repeat. The first two
 /// dimensions placed the point in its pixel, so drawing starts at the third.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_init;
+///
+/// // Two paths in a pixel each frame; after 16 frames the points repeat.
+/// let state = halton_init(3, 5, 1, 2, 4, 16);
+/// assert_eq!(state, halton_init(3, 5, 1, 2, 20, 16));
+/// assert_ne!(state, halton_init(3, 5, 0, 2, 4, 16));
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_init(
@@ -107,6 +166,14 @@ pub fn halton_init(
 }
 
 /// Base of a dimension: the primes in order. Dimensions repeat from 32 on.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_prime;
+///
+/// assert_eq!(halton_prime(0), 2);
+/// assert_eq!(halton_prime(31), 131);
+/// assert_eq!(halton_prime(32), 2);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_prime(dimension: u32) -> u32 {
@@ -122,6 +189,15 @@ pub fn halton_prime(dimension: u32) -> u32 {
 /// further digits enter as an exact ratio below one, added before that
 /// division: three roundings, 1.5 ULP. Base two truncates to 24 digits: below
 /// 2^-24 absolute.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_radical_inverse;
+///
+/// // 6 is 110 in base two: 0.011 is 3/8.
+/// assert_eq!(halton_radical_inverse(2, 6), 0.375);
+/// // 5 is 12 in base three: 0.21 is 7/9.
+/// assert_eq!(halton_radical_inverse(3, 5), 7.0 / 9.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_radical_inverse(base: u32, index: u32) -> f32 {
@@ -153,6 +229,14 @@ pub fn halton_radical_inverse(base: u32, index: u32) -> f32 {
 }
 
 /// Coordinate `dimension` of point `index`, in `[0, 1)`.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_sample;
+///
+/// // Points 1, 2, 3, 4 of the first dimension fill the gaps of those before.
+/// let points = [1, 2, 3, 4].map(|index| halton_sample(0, index));
+/// assert_eq!(points, [0.5, 0.25, 0.75, 0.125]);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_sample(dimension: u32, index: u32) -> f32 {
@@ -160,6 +244,16 @@ pub fn halton_sample(dimension: u32, index: u32) -> f32 {
 }
 
 /// Draws one coordinate and moves on to the next dimension.
+///
+/// ```
+/// use raytwin_cpu::random::halton::{
+///     halton_index, halton_init, halton_next, halton_sample,
+/// };
+///
+/// let draw = halton_next(halton_init(3, 5, 0, 1, 0, 64));
+/// assert_eq!(draw.value, halton_sample(2, halton_index(3, 5, 0)));
+/// assert_eq!(draw.state.dimension, 3);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_next(state: HaltonState) -> HaltonDraw {
@@ -177,6 +271,14 @@ pub fn halton_next(state: HaltonState) -> HaltonDraw {
 /// Both arguments in `[0, 1)`. Added as 24-bit integers: a float sum just
 /// below one would round to one, and `fract` of it would be the wrong end.
 /// Exact for multiples of 2^-24, else the digits beyond are dropped.
+///
+/// ```
+/// use raytwin_cpu::random::halton::halton_rotate;
+///
+/// assert_eq!(halton_rotate(0.75, 0.5), 0.25);
+/// // Just below one stays below one.
+/// assert!(halton_rotate(0.5, 0.49999997) < 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn halton_rotate(u: f32, shift: f32) -> f32 {

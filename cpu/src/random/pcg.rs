@@ -10,6 +10,13 @@ use glam::{UVec2, UVec3, UVec4};
 /// One word to one word, a bijection.
 ///
 /// Outputs from the advanced state: `pcg_hash(0)` is `0x07bb2fe2`.
+///
+/// ```
+/// use raytwin_cpu::random::pcg::pcg_hash;
+///
+/// assert_eq!(pcg_hash(0), 0x07bb_2fe2);
+/// assert_ne!(pcg_hash(1), pcg_hash(2));
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg_hash(v: u32) -> u32 {
@@ -19,6 +26,17 @@ pub fn pcg_hash(v: u32) -> u32 {
 }
 
 /// Two words to two words, a bijection.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::random::pcg::{pcg_unit, pcg2d};
+///
+/// // Two random numbers for a pixel, without a state.
+/// let bits = pcg2d(UVec2::new(3, 5));
+/// let u = Vec2::new(pcg_unit(bits.x), pcg_unit(bits.y));
+/// assert!(u.min_element() >= 0.0 && u.max_element() < 1.0);
+/// assert_ne!(bits, pcg2d(UVec2::new(5, 3)));
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg2d(v: UVec2) -> UVec2 {
@@ -36,6 +54,15 @@ pub fn pcg2d(v: UVec2) -> UVec2 {
 }
 
 /// Three words to three words, a bijection.
+///
+/// ```
+/// use glam::UVec3;
+/// use raytwin_cpu::random::pcg::pcg3d;
+///
+/// // Pixel and frame in, three random words out.
+/// let bits = pcg3d(UVec3::new(1, 2, 3));
+/// assert_eq!(bits, UVec3::new(0xfa9f_79a6, 0x48f2_f44c, 0x596f_5ab1));
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg3d(v: UVec3) -> UVec3 {
@@ -55,6 +82,15 @@ pub fn pcg3d(v: UVec3) -> UVec3 {
 }
 
 /// Four words to four words, a bijection.
+///
+/// ```
+/// use glam::UVec4;
+/// use raytwin_cpu::random::pcg::pcg4d;
+///
+/// // Pixel, frame and bounce in, four random words out.
+/// let bits = pcg4d(UVec4::new(3, 5, 7, 0));
+/// assert_ne!(bits, pcg4d(UVec4::new(3, 5, 7, 1)));
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg4d(v: UVec4) -> UVec4 {
@@ -78,6 +114,15 @@ pub fn pcg4d(v: UVec4) -> UVec4 {
 }
 
 /// A generator's state after a draw, and what it drew.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::random::pcg::{pcg_next, pcg_seed};
+///
+/// let first = pcg_next(pcg_seed(UVec2::new(3, 5), 7));
+/// let second = pcg_next(first.state);
+/// assert_ne!(first.value, second.value);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PcgDraw {
     /// State to pass to the next [`pcg_next`].
@@ -87,6 +132,15 @@ pub struct PcgDraw {
 }
 
 /// Seed for one pixel in one frame: neighbours and successors are unrelated.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::random::pcg::pcg_seed;
+///
+/// let pixel = UVec2::new(3, 5);
+/// assert_eq!(pcg_seed(pixel, 7), pcg_seed(pixel, 7));
+/// assert_ne!(pcg_seed(pixel, 7), pcg_seed(pixel, 8));
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg_seed(pixel: UVec2, frame: u32) -> u32 {
@@ -94,6 +148,21 @@ pub fn pcg_seed(pixel: UVec2, frame: u32) -> u32 {
 }
 
 /// Draws 32 bits and advances the state (period 2^32).
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::random::pcg::{pcg_next, pcg_seed, pcg_unit};
+///
+/// // The mean of many draws is near a half.
+/// let mut state = pcg_seed(UVec2::new(3, 5), 7);
+/// let mut sum = 0.0;
+/// for _ in 0..1000 {
+///     let draw = pcg_next(state);
+///     state = draw.state;
+///     sum += pcg_unit(draw.value);
+/// }
+/// assert!((sum / 1000.0 - 0.5).abs() < 0.05);
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg_next(state: u32) -> PcgDraw {
@@ -107,6 +176,14 @@ pub fn pcg_next(state: u32) -> PcgDraw {
 ///
 /// Exact, so the largest value is `1 - 2^-24` and `1 - u` is exact and never
 /// zero. (Dividing all 32 bits by 2^32 gives 1.0 for 128 inputs.)
+///
+/// ```
+/// use raytwin_cpu::random::pcg::pcg_unit;
+///
+/// assert_eq!(pcg_unit(0), 0.0);
+/// assert_eq!(pcg_unit(1 << 31), 0.5);
+/// assert!(pcg_unit(u32::MAX) < 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn pcg_unit(bits: u32) -> f32 {
