@@ -8,6 +8,16 @@ use glam::Vec3;
 
 /// Two unit vectors that make a right-handed basis with the normal:
 /// `tangent × bitangent = normal`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::basis::basis_from_normal;
+///
+/// let normal = Vec3::new(0.48, 0.6, 0.64);
+/// let frame = basis_from_normal(normal);
+/// let cross = frame.tangent.cross(frame.bitangent);
+/// assert!((cross - normal).length() < 1e-6);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BasisFrame {
     /// The basis' x axis.
@@ -23,6 +33,17 @@ pub struct BasisFrame {
 /// Error analysis: `sign + n.z` is at least 1 in size, so the one division is
 /// well conditioned; every component is within a few 2^-24 of the exact basis
 /// of the given `n` (one division, three products, one sum).
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::basis::basis_from_normal;
+///
+/// let frame = basis_from_normal(Vec3::Z);
+/// assert_eq!((frame.tangent, frame.bitangent), (Vec3::X, Vec3::Y));
+/// // The lower pole is no special case.
+/// let below = basis_from_normal(Vec3::NEG_Z);
+/// assert_eq!(below.tangent.cross(below.bitangent), Vec3::NEG_Z);
+/// ```
 #[inline]
 #[must_use]
 pub fn basis_from_normal(n: Vec3) -> BasisFrame {
@@ -36,6 +57,16 @@ pub fn basis_from_normal(n: Vec3) -> BasisFrame {
 }
 
 /// From the basis' coordinates to the world: `v.x·tangent + v.y·bitangent + v.z·n`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::basis::{basis_from_normal, basis_to_world};
+///
+/// let normal = Vec3::new(0.48, 0.6, 0.64);
+/// let frame = basis_from_normal(normal);
+/// // The frame's z axis is the normal.
+/// assert_eq!(basis_to_world(frame, normal, Vec3::Z), normal);
+/// ```
 #[inline]
 #[must_use]
 pub fn basis_to_world(frame: BasisFrame, n: Vec3, v: Vec3) -> Vec3 {
@@ -47,6 +78,19 @@ pub fn basis_to_world(frame: BasisFrame, n: Vec3, v: Vec3) -> Vec3 {
 }
 
 /// From the world to the basis' coordinates: the three dot products.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::basis::{
+///     basis_from_normal, basis_to_local, basis_to_world,
+/// };
+///
+/// let normal = Vec3::new(0.48, 0.6, 0.64);
+/// let frame = basis_from_normal(normal);
+/// let v = Vec3::new(1.0, 2.0, 3.0);
+/// let back = basis_to_world(frame, normal, basis_to_local(frame, normal, v));
+/// assert!((back - v).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn basis_to_local(frame: BasisFrame, n: Vec3, v: Vec3) -> Vec3 {

@@ -19,6 +19,17 @@ const INV_FOUR_PI: f32 = 0.07957747;
 const ONE_BELOW: f32 = 0.99999994;
 
 /// `1 - cos` of a half-angle in radians, `[0, π]`, without cancellation.
+///
+/// ```
+/// use raytwin_cpu::sample::cone::cone_one_minus_cos;
+///
+/// // The half sphere has cos 90° = 0.
+/// let half_sphere = cone_one_minus_cos(std::f32::consts::FRAC_PI_2);
+/// assert!((half_sphere - 1.0).abs() < 1e-6);
+/// // The Sun's 0.00465 rad: θ²/2 keeps its digits, 1 - cos(θ) would not.
+/// let sun = cone_one_minus_cos(0.00465);
+/// assert!((sun / (0.5 * 0.00465 * 0.00465) - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn cone_one_minus_cos(half_angle: f32) -> f32 {
@@ -29,6 +40,14 @@ pub fn cone_one_minus_cos(half_angle: f32) -> f32 {
 
 /// `1 - cos` of the cone that a sphere fills, from the sine of its half-angle:
 /// radius over distance, `[0, 1]`.
+///
+/// ```
+/// use raytwin_cpu::sample::cone::cone_one_minus_cos_from_sin;
+///
+/// // A sphere of radius 3 seen from distance 5: the cosine is 4/5.
+/// let cone = cone_one_minus_cos_from_sin(3.0 / 5.0);
+/// assert!((cone - 0.2).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn cone_one_minus_cos_from_sin(sin_half_angle: f32) -> f32 {
@@ -43,6 +62,17 @@ pub fn cone_one_minus_cos_from_sin(sin_half_angle: f32) -> f32 {
 /// `(1 - u.x)·one_minus_cos` (both positive, `1 - u.x` exact), so no step
 /// cancels: the relative error stays a few ULP in the narrowest cone and at
 /// the far pole of the widest, where `2 - x` itself loses every digit.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::cone::{cone_one_minus_cos, cone_sample};
+///
+/// // A shadow ray's direction toward a disc-like sun.
+/// let sun = cone_one_minus_cos(0.00465);
+/// let direction = cone_sample(Vec2::new(0.3, 0.8), sun);
+/// assert!((direction.length() - 1.0).abs() < 1e-6);
+/// assert!(direction.x.hypot(direction.y) < 0.00465);
+/// ```
 #[inline]
 #[must_use]
 pub fn cone_sample(u: Vec2, one_minus_cos: f32) -> Vec3 {
@@ -67,6 +97,16 @@ fn cone_height(direction: Vec3) -> f32 {
 ///
 /// The rim is taken 2^-19 wide (relative), since a sample on it may round
 /// outward.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::cone::cone_pdf;
+///
+/// // The density is one over the cone's solid angle; the half sphere's is 2π.
+/// let inside = cone_pdf(Vec3::Z, 1.0);
+/// assert!((inside * std::f32::consts::TAU - 1.0).abs() < 1e-6);
+/// assert_eq!(cone_pdf(Vec3::NEG_Z, 1.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn cone_pdf(direction: Vec3, one_minus_cos: f32) -> f32 {
@@ -77,6 +117,15 @@ pub fn cone_pdf(direction: Vec3, one_minus_cos: f32) -> f32 {
 }
 
 /// The `u` that [`cone_sample`] maps to `direction`; the axis' azimuth is 0.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::cone::{cone_invert, cone_sample};
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = cone_invert(cone_sample(u, 0.5), 0.5);
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn cone_invert(direction: Vec3, one_minus_cos: f32) -> Vec2 {

@@ -16,6 +16,18 @@ const ONE_BELOW: f32 = 0.99999994;
 ///
 /// Error analysis: a square root and one product on top of the sine and
 /// cosine: a few ULP of 1.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::disk::disk_polar_sample;
+///
+/// assert_eq!(disk_polar_sample(Vec2::ZERO), Vec2::ZERO);
+/// // Radius √0.25, a quarter turn from the x axis.
+/// assert_eq!(
+///     disk_polar_sample(Vec2::new(0.25, 0.25)),
+///     Vec2::new(0.0, 0.5)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn disk_polar_sample(u: Vec2) -> Vec2 {
@@ -25,6 +37,15 @@ pub fn disk_polar_sample(u: Vec2) -> Vec2 {
 }
 
 /// The `u` that [`disk_polar_sample`] maps to `p`; the centre gives `(0, 0)`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::disk::{disk_polar_invert, disk_polar_sample};
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = disk_polar_invert(disk_polar_sample(u));
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn disk_polar_invert(p: Vec2) -> Vec2 {
@@ -37,6 +58,16 @@ pub fn disk_polar_invert(p: Vec2) -> Vec2 {
 ///
 /// Error analysis: `2u - 1` is exact for multiples of 2^-24; one division, one
 /// product and the sine and cosine follow: a few ULP of 1.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::disk::disk_concentric_sample;
+///
+/// // The square's centre is the disk's; the middle of a side lies on the rim.
+/// assert_eq!(disk_concentric_sample(Vec2::splat(0.5)), Vec2::ZERO);
+/// let rim = disk_concentric_sample(Vec2::new(0.5, 0.0));
+/// assert!((rim - Vec2::NEG_Y).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn disk_concentric_sample(u: Vec2) -> Vec2 {
@@ -56,6 +87,17 @@ pub fn disk_concentric_sample(u: Vec2) -> Vec2 {
 }
 
 /// The `u` that [`disk_concentric_sample`] maps to `p`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::disk::{
+///     disk_concentric_invert, disk_concentric_sample,
+/// };
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = disk_concentric_invert(disk_concentric_sample(u));
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn disk_concentric_invert(p: Vec2) -> Vec2 {
@@ -79,6 +121,16 @@ pub fn disk_concentric_invert(p: Vec2) -> Vec2 {
 ///
 /// A sample on the rim may round outward by an ULP; the rim is taken 2^-20
 /// wide so that no sample has density 0.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::disk::disk_pdf;
+///
+/// // One over the area on the disk, nothing outside.
+/// let inside = disk_pdf(Vec2::new(0.3, 0.4));
+/// assert!((inside * std::f32::consts::PI - 1.0).abs() < 1e-6);
+/// assert_eq!(disk_pdf(Vec2::new(1.0, 1.0)), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn disk_pdf(p: Vec2) -> f32 {

@@ -22,6 +22,16 @@ const ONE_BELOW: f32 = 0.99999994;
 ///
 /// Error analysis: the concentric map's radius `r` is `2u - 1` and exact, so
 /// `√((1 - r)(1 + r))` keeps `z` to a few ULP down to the horizon.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::sample::hemisphere::hemisphere_cosine_sample;
+///
+/// // The middle of the square is the pole.
+/// assert_eq!(hemisphere_cosine_sample(Vec2::splat(0.5)), Vec3::Z);
+/// let direction = hemisphere_cosine_sample(Vec2::new(0.3, 0.8));
+/// assert!((direction.length() - 1.0).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_cosine_sample(u: Vec2) -> Vec3 {
@@ -32,6 +42,16 @@ pub fn hemisphere_cosine_sample(u: Vec2) -> Vec3 {
 
 /// Density of [`hemisphere_cosine_sample`] per steradian: cos θ/π above the
 /// horizon, 0 below.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::hemisphere::hemisphere_cosine_pdf;
+///
+/// let up = hemisphere_cosine_pdf(Vec3::Z);
+/// assert!((up * std::f32::consts::PI - 1.0).abs() < 1e-6);
+/// assert_eq!(hemisphere_cosine_pdf(Vec3::X), 0.0);
+/// assert_eq!(hemisphere_cosine_pdf(Vec3::NEG_Z), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_cosine_pdf(direction: Vec3) -> f32 {
@@ -39,6 +59,17 @@ pub fn hemisphere_cosine_pdf(direction: Vec3) -> f32 {
 }
 
 /// The `u` that [`hemisphere_cosine_sample`] maps to `direction`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::hemisphere::{
+///     hemisphere_cosine_invert, hemisphere_cosine_sample,
+/// };
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = hemisphere_cosine_invert(hemisphere_cosine_sample(u));
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_cosine_invert(direction: Vec3) -> Vec2 {
@@ -46,6 +77,15 @@ pub fn hemisphere_cosine_invert(direction: Vec3) -> Vec2 {
 }
 
 /// A direction with the same density everywhere: `z = 1 - u.x`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::sample::hemisphere::hemisphere_uniform_sample;
+///
+/// assert_eq!(hemisphere_uniform_sample(Vec2::ZERO), Vec3::Z);
+/// // Equal shares of u.x are equal shares of the height.
+/// assert_eq!(hemisphere_uniform_sample(Vec2::new(0.75, 0.1)).z, 0.25);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_uniform_sample(u: Vec2) -> Vec3 {
@@ -56,6 +96,15 @@ pub fn hemisphere_uniform_sample(u: Vec2) -> Vec3 {
 
 /// Density of [`hemisphere_uniform_sample`] per steradian: 1/2π above the
 /// horizon, 0 below.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::hemisphere::hemisphere_uniform_pdf;
+///
+/// let up = hemisphere_uniform_pdf(Vec3::Z);
+/// assert!((up * std::f32::consts::TAU - 1.0).abs() < 1e-6);
+/// assert_eq!(hemisphere_uniform_pdf(Vec3::NEG_Z), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_uniform_pdf(direction: Vec3) -> f32 {
@@ -66,6 +115,17 @@ pub fn hemisphere_uniform_pdf(direction: Vec3) -> f32 {
 }
 
 /// The `u` that [`hemisphere_uniform_sample`] maps to `direction`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::hemisphere::{
+///     hemisphere_uniform_invert, hemisphere_uniform_sample,
+/// };
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = hemisphere_uniform_invert(hemisphere_uniform_sample(u));
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn hemisphere_uniform_invert(direction: Vec3) -> Vec2 {

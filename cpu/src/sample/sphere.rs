@@ -16,6 +16,15 @@ const ONE_BELOW: f32 = 0.99999994;
 ///
 /// Error analysis: `1 - u.x` is exact for multiples of 2^-24, so the sine
 /// `2√(u.x(1 - u.x))` keeps its relative accuracy at both poles.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::sample::sphere::sphere_sample;
+///
+/// assert_eq!(sphere_sample(Vec2::ZERO), Vec3::Z);
+/// // Half of the square, half of the sphere.
+/// assert_eq!(sphere_sample(Vec2::new(0.5, 0.25)), Vec3::Y);
+/// ```
 #[inline]
 #[must_use]
 pub fn sphere_sample(u: Vec2) -> Vec3 {
@@ -26,6 +35,15 @@ pub fn sphere_sample(u: Vec2) -> Vec3 {
 }
 
 /// Density per steradian: 1/4π, everywhere.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::sample::sphere::sphere_pdf;
+///
+/// // One over the whole solid angle, 4π.
+/// let density = sphere_pdf(Vec3::X);
+/// assert!((density * 4.0 * std::f32::consts::PI - 1.0).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn sphere_pdf(_direction: Vec3) -> f32 {
@@ -33,6 +51,15 @@ pub fn sphere_pdf(_direction: Vec3) -> f32 {
 }
 
 /// The `u` that [`sphere_sample`] maps to `direction`; a pole's azimuth is 0.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::sample::sphere::{sphere_invert, sphere_sample};
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = sphere_invert(sphere_sample(u));
+/// assert!((back - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn sphere_invert(direction: Vec3) -> Vec2 {
