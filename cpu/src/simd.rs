@@ -8,6 +8,14 @@
 //! this is the one file of the crate with `unsafe`.
 
 /// Vector instructions; each level has those before it.
+///
+/// ```
+/// use raytwin_cpu::simd::SimdLevel;
+///
+/// // The levels are ordered: each has the instructions of those before it.
+/// assert!(SimdLevel::Baseline < SimdLevel::Avx512);
+/// assert!(SimdLevel::Baseline.is_available());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimdLevel {
     /// What the crate was compiled for.
@@ -23,6 +31,16 @@ impl SimdLevel {
     pub const ALL: [Self; 3] = [Self::Baseline, Self::Avx2, Self::Avx512];
 
     /// Whether this machine has it.
+    ///
+    /// ```
+    /// use raytwin_cpu::simd::SimdLevel;
+    ///
+    /// let here: Vec<_> = SimdLevel::ALL
+    ///     .into_iter()
+    ///     .filter(|level| level.is_available())
+    ///     .collect();
+    /// assert_eq!(here.first(), Some(&SimdLevel::Baseline));
+    /// ```
     #[must_use]
     pub fn is_available(self) -> bool {
         #[cfg(target_arch = "x86_64")]
@@ -46,6 +64,18 @@ impl SimdLevel {
     }
 
     /// The widest that this machine has.
+    ///
+    /// ```
+    /// use raytwin_cpu::simd::SimdLevel;
+    ///
+    /// let best = SimdLevel::best();
+    /// assert!(best.is_available());
+    /// assert!(
+    ///     SimdLevel::ALL
+    ///         .iter()
+    ///         .all(|l| !l.is_available() || *l <= best)
+    /// );
+    /// ```
     #[must_use]
     pub fn best() -> Self {
         let mut best = Self::Baseline;
