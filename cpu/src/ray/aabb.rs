@@ -9,6 +9,22 @@ use super::ray::{RAY_FAR, Ray, RayShear, ray_shear};
 pub const AABB_WIDEN: f32 = 1.0 + 1.0 / 262_144.0;
 
 /// Where a ray is inside a box.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::aabb::aabb_intersect;
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// // From inside, the ray enters at its own start.
+/// let hit = aabb_intersect(ray, Vec3::NEG_ONE, Vec3::ONE);
+/// assert_eq!((hit.hit, hit.t_near), (1, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct AabbHit {
@@ -54,6 +70,24 @@ fn aabb_parallel(lower: f32, upper: f32, direction: f32, through: Vec2) -> Vec2 
 /// Every step is monotone in the corners, also after rounding: a box inside
 /// another never has the smaller near or the larger far. Traversal relies on
 /// that, see [`bvh`](super::bvh).
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::aabb::aabb_slab_local;
+/// use raytwin_cpu::ray::ray::{Ray, ray_shear};
+///
+/// let ray = Ray {
+///     origin: Vec3::new(0.5, 0.5, -2.0),
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// // The corners of the unit cube, as seen from the origin of the ray.
+/// let lower = Vec3::ZERO - ray.origin;
+/// let upper = Vec3::ONE - ray.origin;
+/// let slab = aabb_slab_local(lower, upper, &ray_shear(ray));
+/// assert_eq!(slab, Vec2::new(2.0, 3.0));
+/// ```
 #[inline(always)]
 #[must_use]
 pub fn aabb_slab_local(lower: Vec3, upper: Vec3, shear: &RayShear) -> Vec2 {
@@ -78,6 +112,21 @@ pub fn aabb_slab_local(lower: Vec3, upper: Vec3, shear: &RayShear) -> Vec2 {
 }
 
 /// [`aabb_slab_local`] for a box given by its corners.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::aabb::aabb_slab;
+/// use raytwin_cpu::ray::ray::{Ray, ray_shear};
+///
+/// let ray = Ray {
+///     origin: Vec3::new(0.5, 0.5, -2.0),
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let slab = aabb_slab(Vec3::ZERO, Vec3::ONE, &ray_shear(ray));
+/// assert_eq!(slab, Vec2::new(2.0, 3.0));
+/// ```
 #[inline(always)]
 #[must_use]
 pub fn aabb_slab(box_min: Vec3, box_max: Vec3, shear: &RayShear) -> Vec2 {
@@ -90,6 +139,23 @@ pub fn aabb_slab(box_min: Vec3, box_max: Vec3, shear: &RayShear) -> Vec2 {
 /// the direction of rounding and with subnormals flushed; may report a box
 /// that the line passes by less than 2^-18 of the distance. After Ize: Robust
 /// BVH Ray Traversal, JCGT 2(2), 2013, with the margin derived anew.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::aabb::aabb_intersect;
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let ray = Ray {
+///     origin: Vec3::new(0.5, 0.5, -2.0),
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = aabb_intersect(ray, Vec3::ZERO, Vec3::ONE);
+/// assert_eq!((hit.hit, hit.t_near), (1, 2.0));
+/// // A box beside the ray is missed.
+/// assert_eq!(aabb_intersect(ray, Vec3::ONE, 2.0 * Vec3::ONE).hit, 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn aabb_intersect(ray: Ray, box_min: Vec3, box_max: Vec3) -> AabbHit {

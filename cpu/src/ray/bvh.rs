@@ -25,6 +25,21 @@ pub const BVH_STEPS: u32 = 1 << 22;
 pub const BVH_MISS: u32 = 0xffff_ffff;
 
 /// A node: 32 bytes.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::BvhNode;
+///
+/// // A leaf with two triangles, the first of them number 6.
+/// let leaf = BvhNode {
+///     min: Vec3::ZERO,
+///     first: 6,
+///     max: Vec3::ONE,
+///     count: 2,
+/// };
+/// assert!(leaf.count > 0);
+/// assert_eq!(std::mem::size_of_val(&leaf), 32);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BvhNode {
@@ -40,6 +55,19 @@ pub struct BvhNode {
 }
 
 /// A triangle in leaf order: 40 bytes.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::BvhTriangle;
+///
+/// let triangle = BvhTriangle {
+///     a: Vec3::ZERO,
+///     b: Vec3::X,
+///     c: Vec3::Y,
+///     primitive: 17,
+/// };
+/// assert_eq!(std::mem::size_of_val(&triangle), 40);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BvhTriangle {
@@ -54,6 +82,25 @@ pub struct BvhTriangle {
 }
 
 /// A tree to traverse. The root is node 0; no nodes, no hits.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::{BvhView, bvh_any};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// // Without nodes there is nothing to hit.
+/// let empty = BvhView {
+///     nodes: &[],
+///     triangles: &[],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(bvh_any(&empty, ray), 0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct BvhView<'a> {
     /// All nodes.
@@ -63,6 +110,25 @@ pub struct BvhView<'a> {
 }
 
 /// The closest hit.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhView, bvh_closest};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let empty = BvhView {
+///     nodes: &[],
+///     triangles: &[],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = bvh_closest(&empty, ray);
+/// assert_eq!((hit.primitive, hit.t), (BVH_MISS, ray.t_max));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BvhHit {
@@ -289,6 +355,37 @@ pub(crate) fn bvh_walk(
 ///
 /// See the module's documentation for what is guaranteed. A broken tree
 /// (indices outside, cycles, too deep) gives some answer, in bounded time.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView, bvh_closest};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let triangle = BvhTriangle {
+///     a: Vec3::ZERO,
+///     b: Vec3::X,
+///     c: Vec3::Y,
+///     primitive: 17,
+/// };
+/// let root = BvhNode {
+///     min: Vec3::ZERO,
+///     first: 0,
+///     max: Vec3::new(1.0, 1.0, 0.0),
+///     count: 1,
+/// };
+/// let tree = BvhView {
+///     nodes: &[root],
+///     triangles: &[triangle],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = bvh_closest(&tree, ray);
+/// assert_eq!((hit.primitive, hit.t, hit.u, hit.v), (17, 2.0, 0.25, 0.5));
+/// ```
 #[must_use]
 pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
     bvh_walk(bvh, 0, ray, false, &mut 0)
@@ -297,6 +394,38 @@ pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
 /// 1 if the ray meets any triangle within its range, ends included, else 0.
 ///
 /// The same answer as whether [`bvh_closest`] finds one.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView, bvh_any};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let triangle = BvhTriangle {
+///     a: Vec3::ZERO,
+///     b: Vec3::X,
+///     c: Vec3::Y,
+///     primitive: 17,
+/// };
+/// let root = BvhNode {
+///     min: Vec3::ZERO,
+///     first: 0,
+///     max: Vec3::new(1.0, 1.0, 0.0),
+///     count: 1,
+/// };
+/// let tree = BvhView {
+///     nodes: &[root],
+///     triangles: &[triangle],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(bvh_any(&tree, ray), 1);
+/// // A light at distance 1 is not hidden by it.
+/// assert_eq!(bvh_any(&tree, Ray { t_max: 1.0, ..ray }), 0);
+/// ```
 #[must_use]
 pub fn bvh_any(bvh: &BvhView<'_>, ray: Ray) -> u32 {
     u32::from(bvh_walk(bvh, 0, ray, true, &mut 0).primitive != BVH_MISS)

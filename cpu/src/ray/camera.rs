@@ -10,6 +10,21 @@ use crate::math::vector::vec3_normalize;
 /// For a vertical field of view `f` and an aspect ratio `w/h`, `up` is the
 /// unit up vector times `tan(f/2)` and `right` the unit right vector times
 /// `tan(f/2)·w/h`. From a view-projection matrix: unproject the corners.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::Camera;
+///
+/// // 90 degrees high, twice as wide as high: tan 45° is 1.
+/// let camera = Camera {
+///     origin: Vec3::ZERO,
+///     right: 2.0 * Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
+/// };
+/// assert_eq!(camera.right.cross(camera.up).normalize(), -camera.forward);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Camera {
@@ -44,6 +59,24 @@ fn camera_image_point(pixel: Vec2, camera: Camera) -> Vec3 {
 /// middle of pixel `(i, j)` is `(i + 0.5, j + 0.5)`. Each component of the
 /// direction errs by a few ULP of 1; that is below a thousandth of a pixel up
 /// to 8192 pixels.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::{Camera, camera_ray};
+///
+/// let camera = Camera {
+///     origin: Vec3::ZERO,
+///     right: 2.0 * Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
+/// };
+/// let middle = camera_ray(Vec2::new(320.0, 160.0), camera);
+/// assert!((middle.direction - camera.forward).length() < 1e-6);
+/// // The upper edge is 45 degrees up.
+/// let top = camera_ray(Vec2::new(320.0, 0.0), camera);
+/// assert!((top.direction.y - 0.5_f32.sqrt()).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn camera_ray(pixel: Vec2, camera: Camera) -> Ray {
@@ -59,6 +92,22 @@ pub fn camera_ray(pixel: Vec2, camera: Camera) -> Ray {
 ///
 /// `depth` is the distance along [`Camera::forward`], not along the ray, in
 /// world units. `pixel` as in [`camera_ray`].
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::{Camera, camera_position_from_depth};
+///
+/// let camera = Camera {
+///     origin: Vec3::ZERO,
+///     right: 2.0 * Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
+/// };
+/// // Depth is measured along the view's axis, also at the image's corner.
+/// let corner = camera_position_from_depth(Vec2::ZERO, 5.0, camera);
+/// assert!((corner - Vec3::new(-10.0, 5.0, -5.0)).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn camera_position_from_depth(pixel: Vec2, depth: f32, camera: Camera) -> Vec3 {
@@ -78,6 +127,19 @@ pub fn camera_position_from_depth(pixel: Vec2, depth: f32, camera: Camera) -> Ve
 /// the matrix: with reversed z, 1 is the near plane and 0 the far plane. With
 /// an infinite far plane depth 0 is a direction, not a position: the fourth
 /// coordinate is zero then, and the direction is returned undivided.
+///
+/// ```
+/// use glam::{Mat4, Vec2, Vec3, Vec4};
+/// use raytwin_cpu::ray::camera::position_from_depth;
+///
+/// // Reversed z, 90 degrees: 1 is the near plane at 0.1, 0 infinitely far.
+/// let projection = Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::NEG_W, 0.1 * Vec4::Z);
+/// let seen = projection.project_point3(Vec3::new(0.3, -0.2, -4.0));
+/// let uv = Vec2::new(0.5 + 0.5 * seen.x, 0.5 - 0.5 * seen.y);
+/// let m = projection.inverse();
+/// let p = position_from_depth(uv, seen.z, m.x_axis, m.y_axis, m.z_axis, m.w_axis);
+/// assert!((p - Vec3::new(0.3, -0.2, -4.0)).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn position_from_depth(

@@ -18,6 +18,24 @@ use super::ray::Ray;
 use crate::math::vector::vec3_normalize;
 
 /// A mesh in its place: 64 bytes.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::instance::{Instance, instance_point};
+///
+/// // A mesh moved by 5 along x: the map from the scene to it moves back.
+/// let moved = Instance {
+///     x: Vec4::new(1.0, 0.0, 0.0, -5.0),
+///     y: Vec4::Y,
+///     z: Vec4::Z,
+///     root: 0,
+///     mesh: 0,
+///     mask: 1,
+///     index: 0,
+/// };
+/// let p = instance_point(moved.x, moved.y, moved.z, Vec3::new(5.0, 1.0, 2.0));
+/// assert_eq!(p, Vec3::new(0.0, 1.0, 2.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Instance {
@@ -38,6 +56,30 @@ pub struct Instance {
 }
 
 /// Instances, a tree over them, and the trees of their meshes.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::BvhView;
+/// use raytwin_cpu::ray::instance::{InstanceView, instance_any};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let bvh = BvhView {
+///     nodes: &[],
+///     triangles: &[],
+/// };
+/// let empty = InstanceView {
+///     bvh,
+///     top: 0,
+///     instances: &[],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(instance_any(&empty, ray, u32::MAX), 0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct InstanceView<'a> {
     /// The nodes of all meshes and those of the tree of instances; the
@@ -50,6 +92,31 @@ pub struct InstanceView<'a> {
 }
 
 /// The closest hit of all instances.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhView};
+/// use raytwin_cpu::ray::instance::{InstanceView, instance_closest};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let bvh = BvhView {
+///     nodes: &[],
+///     triangles: &[],
+/// };
+/// let empty = InstanceView {
+///     bvh,
+///     top: 0,
+///     instances: &[],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = instance_closest(&empty, ray, u32::MAX);
+/// assert_eq!((hit.instance, hit.t), (BVH_MISS, ray.t_max));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct InstanceHit {
@@ -69,6 +136,18 @@ pub struct InstanceHit {
 /// `((m_x p_x + m_y p_y) + m_z p_z) + m_w`.
 ///
 /// Each errs by at most `4u` of the sum of the terms' sizes, `u = 2^-24`.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::instance::instance_point;
+///
+/// // Half as large and moved: rows of the map, the translation last.
+/// let (x, y, z) = (Vec4::new(0.5, 0.0, 0.0, 1.0), 0.5 * Vec4::Y, 0.5 * Vec4::Z);
+/// assert_eq!(
+///     instance_point(x, y, z, Vec3::splat(2.0)),
+///     Vec3::new(2.0, 1.0, 1.0)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn instance_point(x: Vec4, y: Vec4, z: Vec4, p: Vec3) -> Vec3 {
@@ -81,6 +160,15 @@ pub fn instance_point(x: Vec4, y: Vec4, z: Vec4, p: Vec3) -> Vec3 {
 
 /// A direction of the scene in the mesh's space: the same without the
 /// translation. Each component errs by at most `3u` of its terms' sizes.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::instance::instance_vector;
+///
+/// // A direction has no place: the translation does not count.
+/// let (x, y, z) = (Vec4::new(0.5, 0.0, 0.0, 1.0), 0.5 * Vec4::Y, 0.5 * Vec4::Z);
+/// assert_eq!(instance_vector(x, y, z, Vec3::splat(2.0)), Vec3::ONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn instance_vector(x: Vec4, y: Vec4, z: Vec4, v: Vec3) -> Vec3 {
@@ -95,6 +183,16 @@ pub fn instance_vector(x: Vec4, y: Vec4, z: Vec4, v: Vec3) -> Vec3 {
 ///
 /// It stays on the side that it has on the mesh, also where the map mirrors.
 /// The product must have a length between 1e-18 and 1e18.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::instance::instance_normal;
+///
+/// // The mesh is stretched along x, so its slopes get less steep.
+/// let (x, y, z) = (0.5 * Vec4::X, Vec4::Y, Vec4::Z);
+/// let n = instance_normal(x, y, z, Vec3::new(1.0, 1.0, 0.0).normalize());
+/// assert!((n - Vec3::new(0.5, 1.0, 0.0).normalize()).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn instance_normal(x: Vec4, y: Vec4, z: Vec4, n: Vec3) -> Vec3 {
@@ -210,6 +308,59 @@ fn instance_ask(view: &InstanceView<'_>, ray: Ray, mask: u32, any: bool) -> Inst
 /// lowest triangle.
 ///
 /// A broken tree gives some answer, in bounded time.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+/// use raytwin_cpu::ray::instance::{Instance, InstanceView, instance_closest};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// // A triangle, placed once, 5 along x. Node 0 is its tree, node 1 the scene's.
+/// let triangles = [BvhTriangle {
+///     a: Vec3::ZERO,
+///     b: Vec3::X,
+///     c: Vec3::Y,
+///     primitive: 17,
+/// }];
+/// let mesh = BvhNode {
+///     min: Vec3::ZERO,
+///     first: 0,
+///     max: Vec3::new(1.0, 1.0, 0.0),
+///     count: 1,
+/// };
+/// let scene = BvhNode {
+///     min: Vec3::new(4.9, -0.1, -0.1),
+///     first: 0,
+///     max: Vec3::new(6.1, 1.1, 0.1),
+///     count: 1,
+/// };
+/// let nodes = [mesh, scene];
+/// let moved = Instance {
+///     x: Vec4::new(1.0, 0.0, 0.0, -5.0),
+///     y: Vec4::Y,
+///     z: Vec4::Z,
+///     root: 0,
+///     mesh: 0,
+///     mask: 1,
+///     index: 3,
+/// };
+/// let view = InstanceView {
+///     bvh: BvhView {
+///         nodes: &nodes,
+///         triangles: &triangles,
+///     },
+///     top: 1,
+///     instances: &[moved],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::new(5.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = instance_closest(&view, ray, u32::MAX);
+/// assert_eq!((hit.instance, hit.primitive, hit.t), (3, 17, 2.0));
+/// ```
 #[must_use]
 pub fn instance_closest(view: &InstanceView<'_>, ray: Ray, mask: u32) -> InstanceHit {
     instance_ask(view, ray, mask, false)
@@ -217,6 +368,53 @@ pub fn instance_closest(view: &InstanceView<'_>, ray: Ray, mask: u32) -> Instanc
 
 /// 1 if the ray meets any triangle of an instance in the mask within its
 /// range, ends included, else 0: whether [`instance_closest`] finds one.
+///
+/// ```
+/// use glam::{Vec3, Vec4};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+/// use raytwin_cpu::ray::instance::{Instance, InstanceView, instance_any};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let triangles = [BvhTriangle {
+///     a: Vec3::ZERO,
+///     b: Vec3::X,
+///     c: Vec3::Y,
+///     primitive: 17,
+/// }];
+/// let node = BvhNode {
+///     min: Vec3::splat(-0.1),
+///     first: 0,
+///     max: Vec3::splat(1.1),
+///     count: 1,
+/// };
+/// let nodes = [node, node];
+/// // Where it is modelled, and only for rays with bit 2.
+/// let place = Instance {
+///     x: Vec4::X,
+///     y: Vec4::Y,
+///     z: Vec4::Z,
+///     root: 0,
+///     mesh: 0,
+///     mask: 4,
+///     index: 0,
+/// };
+/// let view = InstanceView {
+///     bvh: BvhView {
+///         nodes: &nodes,
+///         triangles: &triangles,
+///     },
+///     top: 1,
+///     instances: &[place],
+/// };
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(instance_any(&view, ray, 4), 1);
+/// assert_eq!(instance_any(&view, ray, 2), 0);
+/// ```
 #[must_use]
 pub fn instance_any(view: &InstanceView<'_>, ray: Ray, mask: u32) -> u32 {
     u32::from(instance_ask(view, ray, mask, true).primitive != BVH_MISS)

@@ -12,6 +12,21 @@ pub(crate) const PLANE_TINY: f32 = f32::from_bits((127 - 120) << 23);
 pub(crate) const PLANE_RATIO: f32 = f32::from_bits((127 - 100) << 23);
 
 /// Where a ray meets a plane.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::plane::{PlaneHit, plane_intersect};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let away = Ray {
+///     origin: Vec3::Y,
+///     direction: Vec3::Y,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = plane_intersect(away, Vec3::ZERO, Vec3::Y);
+/// assert_eq!(hit, PlaneHit { hit: 0, t: 0.0 });
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct PlaneHit {
@@ -36,6 +51,22 @@ pub(super) fn plane_divides(numerator: f32, denominator: f32) -> bool {
 /// with `u = 2^-24`, `|dt| <= 4u (|n|·|p - o| + |t| |n|·|d|) / |n·d|`, where
 /// `|a|·|b|` is the sum of products of absolute values: it grows as the ray
 /// gets parallel to the plane. A ray with `|n·d| <= 2^-120` misses.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::plane::plane_intersect;
+/// use raytwin_cpu::ray::ray::{Ray, ray_at};
+///
+/// // From height 3 down at 45 degrees to the floor.
+/// let ray = Ray {
+///     origin: Vec3::new(0.0, 3.0, 0.0),
+///     direction: Vec3::new(1.0, -1.0, 0.0),
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = plane_intersect(ray, Vec3::ZERO, Vec3::Y);
+/// assert_eq!((hit.hit, ray_at(ray, hit.t)), (1, Vec3::new(3.0, 0.0, 0.0)));
+/// ```
 #[inline]
 #[must_use]
 pub fn plane_intersect(ray: Ray, point: Vec3, normal: Vec3) -> PlaneHit {

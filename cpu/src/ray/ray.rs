@@ -17,6 +17,21 @@ pub const RAY_SLACK: f32 = f32::from_bits((127 - 124) << 23);
 /// Ranges in which every statement about these kernels holds: coordinates up
 /// to 2^39 (5.5e11), the largest direction component between 2^-40 and 2^40,
 /// `0 <= t_min <= t_max`, all finite.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::{Ray, ray_at};
+///
+/// // A shadow ray toward a lamp: `t` runs from the surface (0) to the lamp (1).
+/// let (point, lamp) = (Vec3::ZERO, Vec3::new(1.0, 4.0, 2.0));
+/// let ray = Ray {
+///     origin: point,
+///     direction: lamp - point,
+///     t_min: 1e-3,
+///     t_max: 1.0 - 1e-3,
+/// };
+/// assert_eq!(ray_at(ray, 1.0), lamp);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
@@ -32,6 +47,21 @@ pub struct Ray {
 
 /// What the box and triangle tests need of a ray, computed once by
 /// [`ray_shear`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::{Ray, ray_shear};
+///
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::new(1.0, 0.0, -4.0),
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let shear = ray_shear(ray);
+/// assert_eq!(shear.axis, 2);
+/// assert_eq!(shear.inverse, Vec3::new(1.0, 0.0, -0.25));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct RayShear {
@@ -57,6 +87,19 @@ pub struct RayShear {
 ///
 /// Each component is one product and one sum: error at most 1 ULP of the
 /// larger of `|origin|` and `|direction · t|`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::{Ray, ray_at};
+///
+/// let ray = Ray {
+///     origin: Vec3::ONE,
+///     direction: Vec3::new(0.0, 0.0, 2.0),
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(ray_at(ray, 3.0), Vec3::new(1.0, 1.0, 7.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn ray_at(ray: Ray, t: f32) -> Vec3 {
@@ -88,6 +131,16 @@ fn ray_inverse(component: f32) -> f32 {
 }
 
 /// The components `(axis + 1, axis + 2, axis)` of a vector, modulo three.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::ray_rotate;
+///
+/// let v = Vec3::new(1.0, 2.0, 3.0);
+/// // The axis comes last.
+/// assert_eq!(ray_rotate(v, 0), Vec3::new(2.0, 3.0, 1.0));
+/// assert_eq!(ray_rotate(v, 2), v);
+/// ```
 #[inline]
 #[must_use]
 pub fn ray_rotate(v: Vec3, axis: u32) -> Vec3 {
@@ -104,6 +157,22 @@ pub fn ray_rotate(v: Vec3, axis: u32) -> Vec3 {
 /// Tiny direction components become zero here, once, so that the box test and
 /// the triangle test see the same ray. The shear is that of Woop, Benthin,
 /// Wald: Watertight Ray/Triangle Intersection, JCGT 2(1), 2013, section 3.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::ray::{Ray, ray_shear};
+///
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::new(1.0, 0.0, -4.0),
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let shear = ray_shear(ray);
+/// // The direction has a zero, and mostly points along z.
+/// assert_eq!((shear.parallel, shear.axis), (1, 2));
+/// assert_eq!(shear.shear, Vec2::new(-0.25, 0.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn ray_shear(ray: Ray) -> RayShear {

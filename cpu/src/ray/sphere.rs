@@ -6,6 +6,22 @@ use super::ray::Ray;
 use crate::math::vector::vec3_dot;
 
 /// Where a ray meets a sphere.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::Ray;
+/// use raytwin_cpu::ray::sphere::sphere_intersect;
+///
+/// // From inside, the first crossing within the range is the far one.
+/// let ray = Ray {
+///     origin: Vec3::ZERO,
+///     direction: Vec3::X,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = sphere_intersect(ray, Vec3::ZERO, 2.0);
+/// assert_eq!((hit.t, hit.t_near, hit.t_far), (2.0, -2.0, 2.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SphereHit {
@@ -40,6 +56,22 @@ const MISS: SphereHit = SphereHit {
 /// Ranges: `radius >= 0`, distances and direction lengths between 1e-15 and
 /// 1e15. Hit or miss is right for a sphere shifted by less than 8 ULP of the
 /// centre's distance.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::Ray;
+/// use raytwin_cpu::ray::sphere::sphere_intersect;
+///
+/// let ray = Ray {
+///     origin: Vec3::new(-5.0, 0.0, 0.0),
+///     direction: Vec3::X,
+///     t_min: 0.0,
+///     t_max: f32::MAX,
+/// };
+/// let hit = sphere_intersect(ray, Vec3::ZERO, 2.0);
+/// assert_eq!((hit.hit, hit.t), (1, 3.0));
+/// assert_eq!(sphere_intersect(ray, Vec3::new(0.0, 2.5, 0.0), 2.0).hit, 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn sphere_intersect(ray: Ray, center: Vec3, radius: f32) -> SphereHit {

@@ -16,6 +16,24 @@ pub const TRIANGLE_PAD: f32 = 1.0 / 1_048_576.0;
 pub const TRIANGLE_FLAT: f32 = f32::from_bits((127 - 100) << 23);
 
 /// Where a ray meets a triangle.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::{Ray, ray_at};
+/// use raytwin_cpu::ray::triangle::triangle_intersect_watertight;
+///
+/// // The weights place the hit: a (1 - u - v) + b u + c v.
+/// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = triangle_intersect_watertight(ray, a, b, c);
+/// let point = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
+/// assert!((point - ray_at(ray, hit.t)).length() < 1e-6);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct TriangleHit {
@@ -41,6 +59,21 @@ const MISS: TriangleHit = TriangleHit {
 /// Fast, and not watertight: of rays aimed at the edges of a closed mesh
 /// several in a hundred pass between two triangles. Inclusive edges. Möller,
 /// Trumbore: Fast, Minimum Storage Ray/Triangle Intersection, JGT 2(1), 1997.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::Ray;
+/// use raytwin_cpu::ray::triangle::triangle_intersect_moller_trumbore;
+///
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = triangle_intersect_moller_trumbore(ray, Vec3::ZERO, Vec3::X, Vec3::Y);
+/// assert_eq!((hit.hit, hit.t, hit.u, hit.v), (1, 2.0, 0.25, 0.5));
+/// ```
 #[inline]
 #[must_use]
 pub fn triangle_intersect_moller_trumbore(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -> TriangleHit {
@@ -96,6 +129,34 @@ fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
 /// The core of [`triangle_intersect_watertight`], for a ray that is prepared.
 ///
 /// `t_min` and `t_max` are both accepted.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::{Ray, ray_shear};
+/// use raytwin_cpu::ray::triangle::triangle_intersect_sheared;
+///
+/// // One ray, many triangles: prepare it once.
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let shear = ray_shear(ray);
+/// let mut closest = ray.t_max;
+/// for z in [-1.0, 1.0, 0.0] {
+///     let (a, b, c) = (
+///         Vec3::new(0.0, 0.0, z),
+///         Vec3::new(1.0, 0.0, z),
+///         Vec3::new(0.0, 1.0, z),
+///     );
+///     let hit = triangle_intersect_sheared(&shear, ray.t_min, closest, a, b, c);
+///     if hit.hit == 1 {
+///         closest = hit.t;
+///     }
+/// }
+/// assert_eq!(closest, 1.0);
+/// ```
 #[inline(always)]
 #[must_use]
 pub fn triangle_intersect_sheared(
@@ -210,6 +271,24 @@ fn triangle_finish(
 /// the triangle's box, so a sliver cannot put it anywhere else, and the hit is
 /// rejected where that interval is empty. A triangle seen exactly edge-on, and
 /// one without area, is missed.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::ray::Ray;
+/// use raytwin_cpu::ray::triangle::triangle_intersect_watertight;
+///
+/// // Two triangles share the edge from a to c; a ray at its middle hits.
+/// let (a, b, c, d) = (Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y);
+/// let ray = Ray {
+///     origin: Vec3::new(0.3, 0.2, 2.0),
+///     direction: Vec3::new(0.1, 0.15, -1.0),
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let first = triangle_intersect_watertight(ray, a, b, c);
+/// let second = triangle_intersect_watertight(ray, a, c, d);
+/// assert!(first.hit == 1 || second.hit == 1);
+/// ```
 #[inline]
 #[must_use]
 pub fn triangle_intersect_watertight(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -> TriangleHit {
@@ -237,6 +316,19 @@ fn triangle_even(v: Vec3) -> Vec3 {
 /// Each component errs by a few units of rounding over the sine of the angle
 /// between those edges, if the edges themselves are exact; rounding the
 /// difference of two far vertices turns it further, as it turns the triangle.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::ray::triangle::triangle_normal;
+///
+/// assert_eq!(triangle_normal(Vec3::ZERO, Vec3::X, Vec3::Y), Vec3::Z);
+/// // Seen from the other side, and without area.
+/// assert_eq!(triangle_normal(Vec3::ZERO, Vec3::Y, Vec3::X), Vec3::NEG_Z);
+/// assert_eq!(
+///     triangle_normal(Vec3::ZERO, Vec3::X, 2.0 * Vec3::X),
+///     Vec3::ZERO
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
