@@ -26,6 +26,21 @@ fn cook_torrance_fresnel(wo: Vec3, wi: Vec3, f0: Vec3) -> Vec3 {
 ///
 /// Cook and Torrance, *A Reflectance Model for Computer Graphics*, 1982, with
 /// Trowbridge and Reitz's D and Smith's height-correlated G2.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::cook_torrance::cook_torrance_eval;
+/// use raytwin_cpu::brdf::ggx::ggx_alpha;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// let alpha = ggx_alpha(0.5, 0.0);
+/// let gold = Vec3::new(1.0, 0.78, 0.34);
+/// // Light and viewer may be exchanged.
+/// let there = cook_torrance_eval(wo, wi, alpha, gold);
+/// let back = cook_torrance_eval(wi, wo, alpha, gold);
+/// assert!((there - back).length() < 1e-5 * there.length());
+/// ```
 #[inline]
 #[must_use]
 pub fn cook_torrance_eval(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -> Vec3 {
@@ -53,6 +68,24 @@ fn cook_torrance_scaled(wo: Vec3, wi: Vec3, f0: Vec3, scale: f32) -> Vec3 {
 /// D is in the value and in the density and is left out of both, so a narrow
 /// lobe costs no digits. May be large: these weights have the long tail that
 /// makes this the worst of the three samplers.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::cook_torrance::{
+///     cook_torrance_eval, cook_torrance_weight_ndf,
+/// };
+/// use raytwin_cpu::brdf::ggx::{ggx_alpha, ggx_reflect};
+/// use raytwin_cpu::brdf::ggx_ndf::{ggx_ndf_direction_pdf, ggx_ndf_sample};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = ggx_alpha(0.5, 0.0);
+/// let wi = ggx_reflect(wo, ggx_ndf_sample(Vec2::new(0.3, 0.8), alpha));
+/// let weight = cook_torrance_weight_ndf(wo, wi, alpha, Vec3::ONE);
+/// // The same as value · cosine / density.
+/// let density = ggx_ndf_direction_pdf(wo, wi, alpha);
+/// let value = cook_torrance_eval(wo, wi, alpha, Vec3::ONE);
+/// assert!((weight - value * wi.z / density).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn cook_torrance_weight_ndf(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -> Vec3 {
@@ -64,6 +97,20 @@ pub fn cook_torrance_weight_ndf(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -> Ve
 }
 
 /// The same of a sample of the visible normals, `F G2 / G1(wo)`: at most F.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::cook_torrance::cook_torrance_weight_visible;
+/// use raytwin_cpu::brdf::ggx::{ggx_alpha, ggx_reflect};
+/// use raytwin_cpu::brdf::ggx_visible::ggx_visible_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = ggx_alpha(0.5, 0.0);
+/// let wi = ggx_reflect(wo, ggx_visible_sample(Vec2::new(0.3, 0.8), wo, alpha));
+/// let weight = cook_torrance_weight_visible(wo, wi, alpha, Vec3::ONE);
+/// // No sample ever weighs more than the Fresnel term, 1 here.
+/// assert!(weight.max_element() <= 1.0 + 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn cook_torrance_weight_visible(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -> Vec3 {
@@ -75,6 +122,23 @@ pub fn cook_torrance_weight_visible(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -
 }
 
 /// The same of a sample of the bounded visible normals: at most F.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::cook_torrance::{
+///     cook_torrance_eval, cook_torrance_weight_bounded,
+/// };
+/// use raytwin_cpu::brdf::ggx::ggx_alpha;
+/// use raytwin_cpu::brdf::ggx_bounded::ggx_bounded_direction_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = ggx_alpha(0.5, 0.0);
+/// let ray = ggx_bounded_direction_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// let weight = cook_torrance_weight_bounded(wo, ray.direction, alpha, Vec3::ONE);
+/// // The same as value · cosine / density.
+/// let value = cook_torrance_eval(wo, ray.direction, alpha, Vec3::ONE);
+/// assert!((weight - value * ray.direction.z / ray.pdf).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn cook_torrance_weight_bounded(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -> Vec3 {

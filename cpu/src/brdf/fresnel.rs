@@ -13,6 +13,14 @@ const TINY: f32 = 1e-30;
 ///
 /// Born and Wolf, *Principles of Optics*, 1.5.3. `η - 1` is exact from 1/2 to
 /// 2, so the result keeps its relative accuracy as `η` comes close to 1.
+///
+/// ```
+/// use raytwin_cpu::brdf::fresnel::fresnel_f0;
+///
+/// // Glass reflects 4 %.
+/// assert!((fresnel_f0(1.5) - 0.04).abs() < 1e-6);
+/// assert_eq!(fresnel_f0(1.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_f0(eta: f32) -> f32 {
@@ -35,6 +43,14 @@ fn fresnel_fifth(x: f32) -> f32 {
 ///
 /// Error analysis: a sum and products of positive terms; `1 - cos` is exact
 /// for `cos` from 1/2 on and rounded once below, which counts five times.
+///
+/// ```
+/// use raytwin_cpu::brdf::fresnel::fresnel_schlick_scalar;
+///
+/// assert_eq!(fresnel_schlick_scalar(0.04, 1.0), 0.04);
+/// // Along the surface everything is reflected.
+/// assert_eq!(fresnel_schlick_scalar(0.04, 0.0), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_schlick_scalar(f0: f32, cos: f32) -> f32 {
@@ -42,6 +58,15 @@ pub fn fresnel_schlick_scalar(f0: f32, cos: f32) -> f32 {
 }
 
 /// Schlick's approximation of a colour; see [`fresnel_schlick_scalar`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::fresnel::fresnel_schlick;
+///
+/// let gold = Vec3::new(1.0, 0.78, 0.34);
+/// assert_eq!(fresnel_schlick(gold, 1.0), gold);
+/// assert!((fresnel_schlick(gold, 0.0) - Vec3::ONE).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_schlick(f0: Vec3, cos: f32) -> Vec3 {
@@ -77,6 +102,16 @@ fn fresnel_far_square(c: f32, eta: f32) -> f32 {
 /// Error analysis: one minus the transmitted cosine is computed as
 /// `sin²/(η(η + g))` with `g = η cos_t`, which does not cancel at the normal;
 /// what remains is the steepness of the edge of total reflection.
+///
+/// ```
+/// use raytwin_cpu::brdf::fresnel::{fresnel_f0, fresnel_schlick_transmitted};
+///
+/// let eta = 1.0 / 1.5;
+/// let f0 = fresnel_f0(eta);
+/// // From inside glass: total reflection sets in at 41.8 degrees.
+/// assert_eq!(fresnel_schlick_transmitted(f0, 0.7, eta), 1.0);
+/// assert!(fresnel_schlick_transmitted(f0, 0.9, eta) < 0.1);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_schlick_transmitted(f0: f32, cos_i: f32, eta: f32) -> f32 {
@@ -105,6 +140,15 @@ pub fn fresnel_schlick_transmitted(f0: f32, cos_i: f32, eta: f32) -> f32 {
 /// numerators keep their relative accuracy as `η` comes close to 1, where the
 /// textbook differences lose every digit; the second cancels at Brewster's
 /// angle, where the first is all there is.
+///
+/// ```
+/// use raytwin_cpu::brdf::fresnel::{fresnel_dielectric, fresnel_f0};
+///
+/// assert!((fresnel_dielectric(1.0, 1.5) - fresnel_f0(1.5)).abs() < 1e-6);
+/// // Inside glass at 45 degrees everything is reflected.
+/// assert_eq!(fresnel_dielectric(0.7, 1.0 / 1.5), 1.0);
+/// assert_eq!(fresnel_dielectric(0.3, 1.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> f32 {
@@ -164,6 +208,20 @@ fn fresnel_conductor_channel(c: f32, eta: f32, k: f32) -> f32 {
 /// (`|n² cos + g|² = |n|⁴ cos² + |g|² + 2 cos Re g (|g|² + sin²)`), so neither
 /// a weak nor a nearly perfect mirror loses digits. Of the two parts of `g` the
 /// smaller follows from their product, since their difference cancels.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::fresnel::{fresnel_conductor, fresnel_dielectric};
+///
+/// // Gold at 650, 550 and 450 nm: red is reflected best.
+/// let eta = Vec3::new(0.16, 0.42, 1.5);
+/// let k = Vec3::new(3.5, 2.4, 1.9);
+/// let f = fresnel_conductor(1.0, eta, k);
+/// assert!(f.x > f.y && f.y > f.z);
+/// // Without absorption it is a dielectric.
+/// let glass = fresnel_conductor(0.8, Vec3::splat(1.5), Vec3::ZERO);
+/// assert!((glass.x - fresnel_dielectric(0.8, 1.5)).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn fresnel_conductor(cos_i: f32, eta: Vec3, k: Vec3) -> Vec3 {

@@ -27,6 +27,16 @@ pub const GGX_MIRROR_ALPHA: f32 = 1e-3;
 /// Roughness along x and y from perceptual roughness and anisotropy, both in
 /// `[0, 1]`: `α = roughness²`, stretched by `√(1 - 0.9 anisotropy)` (Burley,
 /// *Physically-Based Shading at Disney*, 2012), at least [`GGX_ALPHA_MIN`].
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::brdf::ggx::ggx_alpha;
+///
+/// assert_eq!(ggx_alpha(0.5, 0.0), Vec2::splat(0.25));
+/// // Brushed metal: the highlight is longer along x.
+/// let brushed = ggx_alpha(0.5, 0.8);
+/// assert!(brushed.x > brushed.y);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_alpha(roughness: f32, anisotropy: f32) -> Vec2 {
@@ -39,6 +49,13 @@ pub fn ggx_alpha(roughness: f32, anisotropy: f32) -> Vec2 {
 }
 
 /// 1 if the surface is to be treated as a mirror, else 0.
+///
+/// ```
+/// use raytwin_cpu::brdf::ggx::{ggx_alpha, ggx_is_mirror};
+///
+/// assert_eq!(ggx_is_mirror(ggx_alpha(0.0, 0.0)), 1);
+/// assert_eq!(ggx_is_mirror(ggx_alpha(0.1, 0.0)), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_is_mirror(alpha: Vec2) -> u32 {
@@ -46,6 +63,16 @@ pub fn ggx_is_mirror(alpha: Vec2) -> u32 {
 }
 
 /// The half vector of two unit directions; +z if they are opposite.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::ggx::ggx_half;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let mirrored = Vec3::new(-0.6, 0.0, 0.8);
+/// assert!((ggx_half(wo, mirrored) - Vec3::Z).length() < 1e-6);
+/// assert_eq!(ggx_half(wo, -wo), Vec3::Z);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_half(wo: Vec3, wi: Vec3) -> Vec3 {
@@ -59,6 +86,17 @@ pub fn ggx_half(wo: Vec3, wi: Vec3) -> Vec3 {
 }
 
 /// `wo` mirrored about `h`, `2 (wo·h) h - wo`: unit if both are.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::ggx::{ggx_half, ggx_reflect};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = ggx_reflect(wo, Vec3::Z);
+/// assert!((wi - Vec3::new(-0.6, 0.0, 0.8)).length() < 1e-6);
+/// // The half vector of the two is the normal again.
+/// assert!((ggx_half(wo, wi) - Vec3::Z).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_reflect(wo: Vec3, h: Vec3) -> Vec3 {
@@ -73,6 +111,16 @@ pub fn ggx_reflect(wo: Vec3, h: Vec3) -> Vec3 {
 /// terms. Rounded to nearest, a quotient has 1 unit of 2^-24, its square 3, the
 /// sum 5, its square 11, with αx αy 13, divided 15 with that of 1/π: 9e-7 at
 /// most, down to α = 1e-4. The usual `1 - (n·h)²` errs by 12 % at α = 0.001.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_d;
+///
+/// // The peak is 1/(π αx αy).
+/// let peak = ggx_d(Vec3::Z, Vec2::new(0.1, 0.2));
+/// assert!((peak * std::f32::consts::PI * 0.02 - 1.0).abs() < 1e-5);
+/// assert_eq!(ggx_d(Vec3::NEG_Z, Vec2::splat(0.1)), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_d(h: Vec3, alpha: Vec2) -> f32 {
@@ -88,6 +136,17 @@ pub fn ggx_d(h: Vec3, alpha: Vec2) -> f32 {
 /// [`ggx_d`] of the half vector of two directions, without normalising it:
 /// cheaper than both, and with fewer roundings. 0 if the half vector points
 /// below the surface or the directions are opposite.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::{ggx_d, ggx_d_between, ggx_half};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let d = ggx_d(ggx_half(wo, wi), alpha);
+/// assert!((ggx_d_between(wo, wi, alpha) / d - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_d_between(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
@@ -103,6 +162,15 @@ pub fn ggx_d_between(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
 }
 
 /// [`ggx_d`] with one roughness.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::{ggx_d, ggx_d_isotropic};
+///
+/// let h = Vec3::new(0.36, 0.48, 0.8);
+/// let d = ggx_d(h, Vec2::splat(0.3));
+/// assert!((ggx_d_isotropic(h, 0.3) / d - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_d_isotropic(h: Vec3, alpha: f32) -> f32 {
@@ -116,6 +184,16 @@ pub fn ggx_d_isotropic(h: Vec3, alpha: f32) -> f32 {
 
 /// Length of a direction as the stretched surface sees it,
 /// `√((αx x)² + (αy y)² + z²)`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_stretched;
+///
+/// // Roughness 1 stretches nothing; along the normal none counts.
+/// assert_eq!(ggx_stretched(Vec3::X, Vec2::ONE), 1.0);
+/// assert_eq!(ggx_stretched(Vec3::X, Vec2::splat(0.25)), 0.25);
+/// assert_eq!(ggx_stretched(Vec3::Z, Vec2::splat(0.25)), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_stretched(w: Vec3, alpha: Vec2) -> f32 {
@@ -129,6 +207,17 @@ pub fn ggx_stretched(w: Vec3, alpha: Vec2) -> f32 {
 ///
 /// From below the surface (`w.z < 0`) too, where that sum would cancel: there
 /// the product with its conjugate is divided.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_projected_area;
+///
+/// // Seen from above, every microfacet counts with its projected area.
+/// let alpha = Vec2::splat(0.3);
+/// assert_eq!(ggx_projected_area(Vec3::Z, alpha), 1.0);
+/// assert_eq!(ggx_projected_area(Vec3::X, alpha), 0.15);
+/// assert_eq!(ggx_projected_area(Vec3::NEG_Z, alpha), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_projected_area(w: Vec3, alpha: Vec2) -> f32 {
@@ -147,6 +236,17 @@ pub fn ggx_projected_area(w: Vec3, alpha: Vec2) -> f32 {
 ///
 /// Computed as `side / (2 z (z + length))`, which does not cancel. `|w.z|` counts
 /// as at least 1e-7, so the result is finite.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_lambda;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// assert_eq!(ggx_lambda(Vec3::Z, alpha), 0.0);
+/// let (above, below) = (ggx_lambda(wo, alpha), ggx_lambda(-wo, alpha));
+/// assert!((below - (1.0 + above)).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_lambda(w: Vec3, alpha: Vec2) -> f32 {
@@ -161,6 +261,17 @@ pub fn ggx_lambda(w: Vec3, alpha: Vec2) -> f32 {
 
 /// Smith's masking, `1 / (1 + Λ)`: the visible part of the surface. The same
 /// from both sides, 0 along the surface.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_g1;
+///
+/// let alpha = Vec2::splat(0.3);
+/// assert_eq!(ggx_g1(Vec3::Z, alpha), 1.0);
+/// // The flatter the view, the more is hidden.
+/// let flat = Vec3::new(0.98, 0.0, 0.199);
+/// assert!(ggx_g1(flat, alpha) < ggx_g1(Vec3::new(0.6, 0.0, 0.8), alpha));
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_g1(w: Vec3, alpha: Vec2) -> f32 {
@@ -170,6 +281,19 @@ pub fn ggx_g1(w: Vec3, alpha: Vec2) -> f32 {
 
 /// Height-correlated masking and shadowing, `1 / (1 + Λ(wo) + Λ(wi))`; both
 /// directions above the surface.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::{ggx_g1, ggx_g2};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// // More than were hiding and shadowing unrelated, less than either alone.
+/// let g2 = ggx_g2(wo, wi, alpha);
+/// assert!(g2 > ggx_g1(wo, alpha) * ggx_g1(wi, alpha));
+/// assert!(g2 < ggx_g1(wo, alpha));
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_g2(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
@@ -180,6 +304,17 @@ pub fn ggx_g2(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
 
 /// `G2 / (4 cos cos)`, that is `1 / (2 (cos_i |wo|ₛ + cos_o |wi|ₛ))`: finite
 /// down to the horizon. Both directions above the surface.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::{ggx_g2, ggx_visibility};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let textbook = ggx_g2(wo, wi, alpha) / (4.0 * wo.z * wi.z);
+/// assert!((ggx_visibility(wo, wi, alpha) / textbook - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visibility(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
@@ -189,6 +324,16 @@ pub fn ggx_visibility(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
 }
 
 /// [`ggx_visibility`] with one roughness, from the two cosines.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::{ggx_visibility, ggx_visibility_isotropic};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// let v = ggx_visibility(wo, wi, Vec2::splat(0.3));
+/// assert!((ggx_visibility_isotropic(wo.z, wi.z, 0.3) / v - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visibility_isotropic(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {

@@ -20,6 +20,17 @@ const ONE_BELOW: f32 = 0.99999994;
 /// How much of the cap's depth below the equator is left out, in `[0, 1]`:
 /// `1 - k` of the paper, as `a² (s² + cos²) / (s² + a² cos²)`, which does not
 /// cancel; 0 for a viewer below the surface.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::ggx_bounded_lift;
+///
+/// // From above a fair part of the normals need not be drawn.
+/// let alpha = Vec2::splat(0.3);
+/// let lift = ggx_bounded_lift(Vec3::new(0.6, 0.0, 0.8), alpha);
+/// assert!(lift > 0.0 && lift <= 1.0);
+/// assert_eq!(ggx_bounded_lift(Vec3::NEG_Z, alpha), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_bounded_lift(wo: Vec3, alpha: Vec2) -> f32 {
@@ -35,6 +46,16 @@ pub fn ggx_bounded_lift(wo: Vec3, alpha: Vec2) -> f32 {
 
 /// A visible normal that probably reflects `wo` upward; density
 /// [`ggx_bounded_pdf`].
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::ggx_bounded_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let h = ggx_bounded_sample(Vec2::new(0.3, 0.8), wo, Vec2::splat(0.3));
+/// // A unit normal on the viewer's side.
+/// assert!((h.length() - 1.0).abs() < 1e-6 && h.dot(wo) > 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_bounded_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
@@ -55,6 +76,17 @@ pub fn ggx_bounded_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
 }
 
 /// The `u` that [`ggx_bounded_sample`] maps to `h`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::{ggx_bounded_invert, ggx_bounded_sample};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = ggx_bounded_invert(ggx_bounded_sample(u, wo, alpha), wo, alpha);
+/// assert!((back - u).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_bounded_invert(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
@@ -81,6 +113,18 @@ fn ggx_bounded_area(wo: Vec3, alpha: Vec2) -> f32 {
 
 /// Density of [`ggx_bounded_sample`] over half vectors, per steradian, for
 /// those that it can give: `D (wo·h) / area`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::{ggx_bounded_pdf, ggx_bounded_sample};
+/// use raytwin_cpu::brdf::ggx_visible::ggx_visible_pdf;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let h = ggx_bounded_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// // Fewer normals are drawn, so each is denser.
+/// assert!(ggx_bounded_pdf(h, wo, alpha) > ggx_visible_pdf(h, wo, alpha));
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_bounded_pdf(h: Vec3, wo: Vec3, alpha: Vec2) -> f32 {
@@ -95,6 +139,16 @@ pub fn ggx_bounded_pdf(h: Vec3, wo: Vec3, alpha: Vec2) -> f32 {
 const INV_TWO_PI: f32 = 0.15915494;
 
 /// A reflected direction with its density.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::ggx_bounded_direction_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let ray =
+///     ggx_bounded_direction_sample(Vec2::new(0.3, 0.8), wo, Vec2::splat(0.3));
+/// assert!(ray.pdf > 0.0 && ray.direction.z > 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct GgxBoundedDirection {
@@ -116,6 +170,19 @@ pub struct GgxBoundedDirection {
 /// Error analysis: lengths are sums of squares; what cancels is the direction
 /// itself where it meets the horizon, and `n` where the normal is at a right
 /// angle to the view.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_bounded::{
+///     ggx_bounded_direction_pdf, ggx_bounded_direction_sample,
+/// };
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let ray = ggx_bounded_direction_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// let pdf = ggx_bounded_direction_pdf(wo, ray.direction, alpha);
+/// assert!((ray.pdf / pdf - 1.0).abs() < 1e-4);
+/// ```
 // Always: called, a loop over it would not vectorise, which is worth a factor
 // of three.
 #[inline(always)]
@@ -166,6 +233,22 @@ pub fn ggx_bounded_direction_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> GgxBounde
 ///
 /// 0 if either direction is at or below the horizon: reflections that end
 /// there are to be dropped, and the density integrates to one less their part.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_reflect;
+/// use raytwin_cpu::brdf::ggx_bounded::{
+///     ggx_bounded_direction_pdf, ggx_bounded_pdf, ggx_bounded_sample,
+/// };
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let h = ggx_bounded_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// // Density of the normal over 4 (wo·h), as for any reflected half vector.
+/// let pdf = ggx_bounded_pdf(h, wo, alpha) / (4.0 * wo.dot(h));
+/// let wi = ggx_reflect(wo, h);
+/// assert!((ggx_bounded_direction_pdf(wo, wi, alpha) / pdf - 1.0).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_bounded_direction_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {

@@ -16,6 +16,16 @@ const ONE_BELOW: f32 = 0.99999994;
 
 /// A microfacet normal with density [`ggx_ndf_pdf`]; `u.x` is the radius,
 /// `u.x = 0` the surface's normal, `u.y` the azimuth.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_ndf::ggx_ndf_sample;
+///
+/// let alpha = Vec2::splat(0.3);
+/// assert_eq!(ggx_ndf_sample(Vec2::ZERO, alpha), Vec3::Z);
+/// let h = ggx_ndf_sample(Vec2::new(0.3, 0.8), alpha);
+/// assert!((h.length() - 1.0).abs() < 1e-6 && h.z > 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_ndf_sample(u: Vec2, alpha: Vec2) -> Vec3 {
@@ -29,6 +39,16 @@ pub fn ggx_ndf_sample(u: Vec2, alpha: Vec2) -> Vec3 {
 }
 
 /// Density of [`ggx_ndf_sample`] over half vectors, per steradian: `D cos`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::brdf::ggx::ggx_d;
+/// use raytwin_cpu::brdf::ggx_ndf::{ggx_ndf_pdf, ggx_ndf_sample};
+///
+/// let alpha = Vec2::splat(0.3);
+/// let h = ggx_ndf_sample(Vec2::new(0.3, 0.8), alpha);
+/// assert!((ggx_ndf_pdf(h, alpha) / (ggx_d(h, alpha) * h.z) - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_ndf_pdf(h: Vec3, alpha: Vec2) -> f32 {
@@ -39,6 +59,21 @@ pub fn ggx_ndf_pdf(h: Vec3, alpha: Vec2) -> f32 {
 ///
 /// 0 if either direction is at or below the horizon: reflections that end
 /// there are to be dropped, and the density integrates to one less their part.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_reflect;
+/// use raytwin_cpu::brdf::ggx_ndf::{
+///     ggx_ndf_direction_pdf, ggx_ndf_pdf, ggx_ndf_sample,
+/// };
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let h = ggx_ndf_sample(Vec2::new(0.3, 0.8), alpha);
+/// let pdf = ggx_ndf_pdf(h, alpha) / (4.0 * wo.dot(h));
+/// let wi = ggx_reflect(wo, h);
+/// assert!((ggx_ndf_direction_pdf(wo, wi, alpha) / pdf - 1.0).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_ndf_direction_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
@@ -51,6 +86,16 @@ pub fn ggx_ndf_direction_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
 }
 
 /// The `u` that [`ggx_ndf_sample`] maps to `h`, `h.z >= 0`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::brdf::ggx_ndf::{ggx_ndf_invert, ggx_ndf_sample};
+///
+/// let alpha = Vec2::splat(0.3);
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = ggx_ndf_invert(ggx_ndf_sample(u, alpha), alpha);
+/// assert!((back - u).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_ndf_invert(h: Vec3, alpha: Vec2) -> Vec2 {

@@ -59,6 +59,16 @@ pub(crate) fn ggx_visible_drop(o: Vec3) -> f32 {
 /// `1 - z` and `(1 - u.x)(1 + z)`, which is also the height of the sum with the
 /// view direction: nothing cancels but where the normal is at a right angle to
 /// the view.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_visible::ggx_visible_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let h = ggx_visible_sample(Vec2::new(0.3, 0.8), wo, Vec2::splat(0.3));
+/// // A unit normal on the viewer's side.
+/// assert!((h.length() - 1.0).abs() < 1e-6 && h.dot(wo) > 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
@@ -77,6 +87,17 @@ pub fn ggx_visible_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
 }
 
 /// The `u` that [`ggx_visible_sample`] maps to `h`; `wo.z >= 0`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_visible::{ggx_visible_invert, ggx_visible_sample};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let u = Vec2::new(0.3, 0.8);
+/// let back = ggx_visible_invert(ggx_visible_sample(u, wo, alpha), wo, alpha);
+/// assert!((back - u).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_invert(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
@@ -91,6 +112,15 @@ pub fn ggx_visible_invert(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
 }
 
 /// A visible normal by Heitz's disk; density [`ggx_visible_pdf`]. `wo.z >= 0`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_visible::ggx_visible_sample_heitz;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let h = ggx_visible_sample_heitz(Vec2::new(0.3, 0.8), wo, Vec2::splat(0.3));
+/// assert!((h.length() - 1.0).abs() < 1e-6 && h.dot(wo) > 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_sample_heitz(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
@@ -125,6 +155,19 @@ fn ggx_visible_frame(o: Vec3) -> Vec2 {
 }
 
 /// The `u` that [`ggx_visible_sample_heitz`] maps to `h`; `wo.z >= 0`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx_visible::{
+///     ggx_visible_invert_heitz, ggx_visible_sample_heitz,
+/// };
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let u = Vec2::new(0.3, 0.8);
+/// let h = ggx_visible_sample_heitz(u, wo, alpha);
+/// assert!((ggx_visible_invert_heitz(h, wo, alpha) - u).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_invert_heitz(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
@@ -144,6 +187,21 @@ pub fn ggx_visible_invert_heitz(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
 /// `D (wo·h) / projected area`, 0 for normals that face away.
 ///
 /// Finite for a viewer below the surface; 0 straight below it.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_d;
+/// use raytwin_cpu::brdf::ggx_visible::ggx_visible_pdf;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// // Straight on it is the distribution itself; normals turned away have none.
+/// assert_eq!(
+///     ggx_visible_pdf(Vec3::Z, Vec3::Z, alpha),
+///     ggx_d(Vec3::Z, alpha)
+/// );
+/// assert_eq!(ggx_visible_pdf(Vec3::new(-0.96, 0.0, 0.28), wo, alpha), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_pdf(h: Vec3, wo: Vec3, alpha: Vec2) -> f32 {
@@ -159,6 +217,21 @@ pub fn ggx_visible_pdf(h: Vec3, wo: Vec3, alpha: Vec2) -> f32 {
 ///
 /// 0 if either direction is at or below the horizon: reflections that end
 /// there are to be dropped, and the density integrates to one less their part.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::ggx::ggx_reflect;
+/// use raytwin_cpu::brdf::ggx_visible::{
+///     ggx_visible_direction_pdf, ggx_visible_pdf, ggx_visible_sample,
+/// };
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// let h = ggx_visible_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// let pdf = ggx_visible_pdf(h, wo, alpha) / (4.0 * wo.dot(h));
+/// let wi = ggx_reflect(wo, h);
+/// assert!((ggx_visible_direction_pdf(wo, wi, alpha) / pdf - 1.0).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn ggx_visible_direction_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {

@@ -11,6 +11,16 @@ const INV_PI: f32 = 0.31830987;
 
 /// The BRDF, `albedo / π` per steradian, without the cosine; `albedo` in
 /// `[0, 1]`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::lambert::lambert_eval;
+///
+/// // Under a sky of radiance 1, whose cosine integral is π, the albedo is seen.
+/// let albedo = Vec3::new(0.8, 0.5, 0.2);
+/// let seen = lambert_eval(albedo) * std::f32::consts::PI;
+/// assert!((seen - albedo).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn lambert_eval(albedo: Vec3) -> Vec3 {
@@ -19,6 +29,16 @@ pub fn lambert_eval(albedo: Vec3) -> Vec3 {
 
 /// A direction toward the light by the cosine: value · cosine / density is
 /// the albedo, so weigh by that and divide nothing.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::lambert::{lambert_eval, lambert_pdf, lambert_sample};
+///
+/// // Value · cosine / density is the albedo, whatever the direction.
+/// let wi = lambert_sample(Vec2::new(0.3, 0.8));
+/// let weight = lambert_eval(Vec3::splat(0.5)) * wi.z / lambert_pdf(wi);
+/// assert!((weight.x - 0.5).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn lambert_sample(u: Vec2) -> Vec3 {
@@ -26,6 +46,15 @@ pub fn lambert_sample(u: Vec2) -> Vec3 {
 }
 
 /// Density of [`lambert_sample`] per steradian, 0 below the horizon.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::lambert::lambert_pdf;
+///
+/// let up = lambert_pdf(Vec3::Z);
+/// assert!((up * std::f32::consts::PI - 1.0).abs() < 1e-6);
+/// assert_eq!(lambert_pdf(Vec3::NEG_Z), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn lambert_pdf(wi: Vec3) -> f32 {
@@ -33,6 +62,14 @@ pub fn lambert_pdf(wi: Vec3) -> f32 {
 }
 
 /// The `u` that [`lambert_sample`] maps to `wi`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::brdf::lambert::{lambert_invert, lambert_sample};
+///
+/// let u = Vec2::new(0.3, 0.8);
+/// assert!((lambert_invert(lambert_sample(u)) - u).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn lambert_invert(wi: Vec3) -> Vec2 {

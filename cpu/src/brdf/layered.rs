@@ -41,6 +41,22 @@ use crate::sample::hemisphere::{hemisphere_cosine_pdf, hemisphere_cosine_sample}
 const INV_PI: f32 = 0.31830987;
 
 /// A rough interface and the medium under it.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::fresnel::fresnel_f0;
+/// use raytwin_cpu::brdf::ggx::ggx_alpha;
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, layered_reflectance};
+///
+/// // Clear coat: a smooth dielectric over a medium that absorbs nothing.
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(fresnel_f0(1.5)),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: ggx_alpha(0.1, 0.0),
+/// };
+/// assert!((layered_reflectance(coat, 1.0).x - 0.04).abs() < 1e-3);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct LayeredLayer {
@@ -58,6 +74,30 @@ pub struct LayeredLayer {
 }
 
 /// `N` layers, the outermost first, over a Lambertian base.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::fresnel::fresnel_f0;
+/// use raytwin_cpu::brdf::ggx::ggx_alpha;
+/// use raytwin_cpu::brdf::layered::{
+///     LayeredLayer, LayeredStack, layered_diffuse, layered_eval,
+/// };
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(fresnel_f0(1.5)),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: ggx_alpha(0.1, 0.0),
+/// };
+/// // Red paint under clear coat.
+/// let paint = Vec3::new(0.7, 0.05, 0.05);
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: layered_diffuse(paint, coat),
+/// };
+/// let seen = layered_eval(&stack, Vec3::new(0.6, 0.0, 0.8), Vec3::Z);
+/// assert!(seen.x > seen.y);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct LayeredStack<const N: usize> {
@@ -68,6 +108,24 @@ pub struct LayeredStack<const N: usize> {
 }
 
 /// How probable each lobe is.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, LayeredStack, layered_pmf};
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.1),
+/// };
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: Vec3::splat(0.5),
+/// };
+/// let pmf = layered_pmf(&stack, Vec3::Z);
+/// assert!((pmf.layers[0] + pmf.diffuse - 1.0).abs() < 1e-6);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct LayeredPmf<const N: usize> {
@@ -78,6 +136,25 @@ pub struct LayeredPmf<const N: usize> {
 }
 
 /// What [`layered_sample`] drew.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, LayeredStack, layered_sample};
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.1),
+/// };
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: Vec3::splat(0.5),
+/// };
+/// // A large `u.z` draws the base, which is numbered after the layers.
+/// let drawn = layered_sample(&stack, Vec3::Z, Vec3::new(0.3, 0.8, 0.9));
+/// assert_eq!(drawn.lobe, 1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct LayeredSample {
@@ -100,6 +177,16 @@ pub struct LayeredSample {
 /// in double precision, made to err upward: never more than 5.3e-4 below, and
 /// above by up to 0.16 at the horizon of smooth surfaces (α = 0.03), 0.06 at
 /// α = 0.1 and 0.02 from α = 0.2 on. `cos` in `[0, 1]`.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::brdf::layered::layered_grazing;
+///
+/// // None straight on, all of it along a surface.
+/// let alpha = Vec2::splat(0.1);
+/// assert_eq!(layered_grazing(1.0, alpha), 0.0);
+/// assert!(layered_grazing(0.05, alpha) > layered_grazing(0.5, alpha));
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_grazing(cos: f32, alpha: Vec2) -> f32 {
@@ -113,6 +200,20 @@ pub fn layered_grazing(cos: f32, alpha: Vec2) -> f32 {
 
 /// The part of the light from a direction that an interface reflects, as an
 /// upper bound: `f0 + (1 - f0) · layered_grazing`. One minus this goes through.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, layered_reflectance};
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.1),
+/// };
+/// assert_eq!(layered_reflectance(coat, 1.0), coat.reflectance);
+/// assert!(layered_reflectance(coat, 0.1).x > 0.3);
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_reflectance(layer: LayeredLayer, cos: f32) -> Vec3 {
@@ -130,6 +231,16 @@ pub fn layered_reflectance(layer: LayeredLayer, cos: f32) -> Vec3 {
 ///
 /// `z = √(η² - 1 + z²) / η` is a sum of positive terms; `√(1 - x² - y²)` would
 /// cancel at the horizon.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::layered::layered_refract;
+///
+/// // Under glass a direction is steeper: the sine is divided by 1.5.
+/// let below = layered_refract(Vec3::new(0.6, 0.0, 0.8), 1.5);
+/// assert!((below.x - 0.4).abs() < 1e-6);
+/// assert!((below.length() - 1.0).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_refract(w: Vec3, eta: f32) -> Vec3 {
@@ -144,6 +255,21 @@ pub fn layered_refract(w: Vec3, eta: f32) -> Vec3 {
 /// `1 - (1 - f0)(1 - b) / η²` (from reciprocity), and `b = 1/(21 + 175 α)` a
 /// lower bound of the hemispherical mean of [`layered_grazing`], exact (1/21)
 /// for a smooth one. To be called once per material.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, layered_diffuse};
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.1),
+/// };
+/// // The light thrown back by the coat makes bright paint brighter.
+/// let base = layered_diffuse(Vec3::new(0.8, 0.1, 0.0), coat);
+/// assert!(base.x > 0.8 && base.y > 0.1 && base.z == 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_diffuse(albedo: Vec3, layer: LayeredLayer) -> Vec3 {
@@ -174,6 +300,28 @@ fn layered_through(layer: LayeredLayer, o: Vec3, i: Vec3, below_o: Vec3, below_i
 
 /// The stack's BRDF, per steradian, without the cosine; 0 if either direction
 /// is at or below the horizon. Reciprocal.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, LayeredStack, layered_eval};
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.3),
+/// };
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: Vec3::splat(0.5),
+/// };
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let wi = Vec3::new(-0.48, 0.36, 0.8);
+/// // Light and viewer may be exchanged.
+/// let there = layered_eval(&stack, wo, wi);
+/// let back = layered_eval(&stack, wi, wo);
+/// assert!((there - back).length() < 1e-5 * there.length());
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_eval<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3) -> Vec3 {
@@ -213,6 +361,25 @@ pub fn layered_eval<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3)
 ///
 /// Depends on `wo` alone, so the density of a direction is a plain sum.
 /// `wo.z > 0`. If nothing reflects, the base takes all.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{LayeredLayer, LayeredStack, layered_pmf};
+///
+/// let metal = LayeredLayer {
+///     reflectance: Vec3::splat(0.9),
+///     eta: 1.0,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.1),
+/// };
+/// let stack = LayeredStack {
+///     layers: [metal],
+///     diffuse: Vec3::ZERO,
+/// };
+/// // Nothing lies under a metal, so it is always drawn.
+/// let pmf = layered_pmf(&stack, Vec3::Z);
+/// assert_eq!((pmf.layers[0], pmf.diffuse), (1.0, 0.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_pmf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3) -> LayeredPmf<N> {
@@ -258,6 +425,28 @@ pub fn layered_pmf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3) -> Layered
 /// either direction is at or below the horizon.
 ///
 /// It integrates to one less the samples that [`layered_sample`] drops.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{
+///     LayeredLayer, LayeredStack, layered_pdf, layered_sample,
+/// };
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.3),
+/// };
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: Vec3::splat(0.5),
+/// };
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let drawn = layered_sample(&stack, wo, Vec3::new(0.3, 0.8, 0.9));
+/// assert_eq!(drawn.pdf, layered_pdf(&stack, wo, drawn.direction));
+/// assert_eq!(layered_pdf(&stack, wo, Vec3::NEG_Z), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_pdf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3) -> f32 {
@@ -286,6 +475,30 @@ pub fn layered_pdf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3) 
 /// lies below the horizon or is reflected back inside, the sample is dropped:
 /// `pdf` and `weight` are 0 and `direction` is +z. The base is drawn by the
 /// cosine outside, which drops nothing.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::layered::{
+///     LayeredLayer, LayeredStack, layered_eval, layered_sample,
+/// };
+///
+/// let coat = LayeredLayer {
+///     reflectance: Vec3::splat(0.04),
+///     eta: 1.5,
+///     depth: Vec3::ZERO,
+///     alpha: Vec2::splat(0.3),
+/// };
+/// let stack = LayeredStack {
+///     layers: [coat],
+///     diffuse: Vec3::splat(0.5),
+/// };
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let drawn = layered_sample(&stack, wo, Vec3::new(0.3, 0.8, 0.9));
+/// // The weight is value · cosine / density.
+/// let value = layered_eval(&stack, wo, drawn.direction);
+/// let weight = value * drawn.direction.z / drawn.pdf;
+/// assert!((drawn.weight - weight).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn layered_sample<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, u: Vec3) -> LayeredSample {

@@ -19,6 +19,15 @@ const LOG2_E: f32 = 1.442695;
 /// Error analysis: the exponent is rounded three times, which is relative to
 /// the optical depth `d`; the result's relative error is the exponential's
 /// plus 1.4 · 2^-23 d. Rounding the optical depth alone has that effect.
+///
+/// ```
+/// use raytwin_cpu::brdf::medium::medium_transmittance_scalar;
+///
+/// // Half is left after ln 2 mean free paths.
+/// let left = medium_transmittance_scalar(0.5, 2.0 * std::f32::consts::LN_2);
+/// assert!((left - 0.5).abs() < 1e-6);
+/// assert_eq!(medium_transmittance_scalar(0.5, 0.0), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn medium_transmittance_scalar(absorption: f32, distance: f32) -> f32 {
@@ -27,6 +36,17 @@ pub fn medium_transmittance_scalar(absorption: f32, distance: f32) -> f32 {
 
 /// What is left of light after a straight way through an absorbing medium; see
 /// [`medium_transmittance_scalar`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::medium::medium_transmittance;
+///
+/// // Two ways one after the other: what they let through is multiplied.
+/// let absorption = Vec3::new(0.1, 0.5, 2.0);
+/// let twice = medium_transmittance(absorption, 1.0)
+///     * medium_transmittance(absorption, 1.0);
+/// assert!((twice - medium_transmittance(absorption, 2.0)).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn medium_transmittance(absorption: Vec3, distance: f32) -> Vec3 {
@@ -43,6 +63,15 @@ pub fn medium_transmittance(absorption: Vec3, distance: f32) -> Vec3 {
 ///
 /// `wavelength_um` is in micrometres and `b` in square micrometres, as tables
 /// have them; good for glass and water in visible light, 0.38 to 0.75 µm.
+///
+/// ```
+/// use raytwin_cpu::brdf::medium::medium_cauchy_eta;
+///
+/// // Crown glass (BK7): blue is refracted more than red.
+/// let red = medium_cauchy_eta(1.5046, 0.0042, 0.65);
+/// let blue = medium_cauchy_eta(1.5046, 0.0042, 0.45);
+/// assert!(blue > red && (red - 1.5145).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn medium_cauchy_eta(a: f32, b: f32, wavelength_um: f32) -> f32 {

@@ -21,6 +21,15 @@ pub const REFLECTION_SAMPLED: u32 = 1;
 pub const REFLECTION_DIFFUSE: u32 = 2;
 
 /// A reflection ray.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::reflection::reflection_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let ray = reflection_sample(Vec2::new(0.3, 0.8), wo, Vec2::splat(0.1));
+/// assert!(ray.pdf > 0.0 && ray.direction.z >= 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReflectionRay {
@@ -36,6 +45,16 @@ pub struct ReflectionRay {
 /// What to do at a surface of this perceptual roughness: below `mirror`
 /// [`REFLECTION_MIRROR`], up to `diffuse` [`REFLECTION_SAMPLED`], above it
 /// [`REFLECTION_DIFFUSE`].
+///
+/// ```
+/// use raytwin_cpu::brdf::reflection::{
+///     REFLECTION_DIFFUSE, REFLECTION_MIRROR, REFLECTION_SAMPLED, reflection_kind,
+/// };
+///
+/// assert_eq!(reflection_kind(0.01, 0.05, 0.7), REFLECTION_MIRROR);
+/// assert_eq!(reflection_kind(0.3, 0.05, 0.7), REFLECTION_SAMPLED);
+/// assert_eq!(reflection_kind(0.9, 0.05, 0.7), REFLECTION_DIFFUSE);
+/// ```
 #[inline]
 #[must_use]
 pub fn reflection_kind(roughness: f32, mirror: f32, diffuse: f32) -> u32 {
@@ -54,6 +73,19 @@ pub fn reflection_kind(roughness: f32, mirror: f32, diffuse: f32) -> u32 {
 /// Two directions then end in one, and [`reflection_pdf`] is the sum of their
 /// densities: nothing is dropped, and the density integrates to one. Only a
 /// view from below (`wo.z <= 0`) is dropped.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::reflection::reflection_sample;
+///
+/// // Rough and seen from the side, many rays would go below the horizon.
+/// let wo = Vec3::new(0.98, 0.0, 0.199);
+/// let alpha = Vec2::splat(0.8);
+/// for i in 0..16 {
+///     let ray = reflection_sample(Vec2::new(i as f32 / 16.0, 0.3), wo, alpha);
+///     assert!(ray.direction.z >= 0.0 && ray.pdf > 0.0);
+/// }
+/// ```
 #[inline]
 #[must_use]
 pub fn reflection_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> ReflectionRay {
@@ -68,6 +100,17 @@ pub fn reflection_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> ReflectionRay {
 
 /// Density of [`reflection_sample`], per steradian: that of `wi` and that of
 /// its mirror image below the surface. 0 below the horizon.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::reflection::{reflection_pdf, reflection_sample};
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.5);
+/// let ray = reflection_sample(Vec2::new(0.3, 0.8), wo, alpha);
+/// assert_eq!(ray.pdf, reflection_pdf(wo, ray.direction, alpha));
+/// assert_eq!(reflection_pdf(wo, Vec3::NEG_Z, alpha), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reflection_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
@@ -86,6 +129,19 @@ pub fn reflection_pdf(wo: Vec3, wi: Vec3, alpha: Vec2) -> f32 {
 /// missing. A filter that divides by the sum of weights
 /// (`spatial_reconstruct`) puts the energy back, not the tail's shape. Below
 /// the horizon the sample is dropped.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::reflection::reflection_trimmed_sample;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let mirror = Vec3::new(-0.6, 0.0, 0.8);
+/// let (u, alpha) = (Vec2::new(0.9, 0.8), Vec2::splat(0.3));
+/// // Trimmed, the same numbers give a ray nearer to the mirror direction.
+/// let all = reflection_trimmed_sample(u, wo, alpha, 1.0);
+/// let trimmed = reflection_trimmed_sample(u, wo, alpha, 0.5);
+/// assert!(trimmed.direction.dot(mirror) > all.direction.dot(mirror));
+/// ```
 #[inline]
 #[must_use]
 pub fn reflection_trimmed_sample(u: Vec2, wo: Vec3, alpha: Vec2, trim: f32) -> ReflectionRay {
@@ -104,6 +160,19 @@ pub fn reflection_trimmed_sample(u: Vec2, wo: Vec3, alpha: Vec2, trim: f32) -> R
 
 /// Density of [`reflection_trimmed_sample`], per steradian; 0 outside of the
 /// trimmed part, whose rim counts as 2^-18 wide, and at or below the horizon.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::brdf::reflection::reflection_trimmed_pdf;
+///
+/// let wo = Vec3::new(0.6, 0.0, 0.8);
+/// let mirror = Vec3::new(-0.6, 0.0, 0.8);
+/// let alpha = Vec2::splat(0.3);
+/// // Half of the sample space, so twice as dense, and nothing far off.
+/// let all = reflection_trimmed_pdf(wo, mirror, alpha, 1.0);
+/// assert_eq!(reflection_trimmed_pdf(wo, mirror, alpha, 0.5), 2.0 * all);
+/// assert_eq!(reflection_trimmed_pdf(wo, Vec3::X, alpha, 0.5), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reflection_trimmed_pdf(wo: Vec3, wi: Vec3, alpha: Vec2, trim: f32) -> f32 {

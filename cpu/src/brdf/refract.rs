@@ -8,6 +8,16 @@ use crate::math::vector::vec3_dot;
 const TINY: f32 = 1e-30;
 
 /// Where light goes at an interface.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::refract::refract_snell;
+///
+/// // Straight through: the direction does not change.
+/// let through = refract_snell(Vec3::Z, Vec3::Z, 1.5);
+/// assert_eq!(through.direction, Vec3::NEG_Z);
+/// assert_eq!((through.cos_transmitted, through.total), (1.0, 0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Refraction {
@@ -39,6 +49,19 @@ pub struct Refraction {
 /// does not cancel, and for `eta = 1` it is 0 and the direction exactly `-wi`.
 /// What remains is the edge of total reflection, where the far cosine is the
 /// root of a small difference.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::brdf::refract::refract_snell;
+///
+/// // Into glass: the sine is divided by 1.5.
+/// let wi = Vec3::new(0.6, 0.0, 0.8);
+/// let inside = refract_snell(wi, Vec3::Z, 1.5).direction;
+/// assert!((inside.x + 0.4).abs() < 1e-6 && inside.z < 0.0);
+/// // The way back, out of it, with the same call.
+/// let outside = refract_snell(inside, Vec3::Z, 1.5).direction;
+/// assert!((outside - wi).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn refract_snell(wi: Vec3, n: Vec3, eta: f32) -> Refraction {
