@@ -25,6 +25,28 @@ pub const BILATERAL_UPSAMPLE_MAX: f32 = 1e8;
 const LOG2_E: f32 = 1.442695;
 
 /// A surface at full resolution.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::bilateral_upsample::{
+///     BilateralUpsampleSurface, bilateral_upsample_weight,
+/// };
+///
+/// let floor = BilateralUpsampleSurface {
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// // Without a surface a pixel has no reach.
+/// let sky = BilateralUpsampleSurface {
+///     reach: 0.0,
+///     ..floor
+/// };
+/// let weight = |s: BilateralUpsampleSurface| {
+///     bilateral_upsample_weight(s.normal, Vec3::Y, Vec3::X, s.reach)
+/// };
+/// assert_eq!((weight(floor), weight(sky)), (1.0, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BilateralUpsampleSurface {
@@ -38,6 +60,35 @@ pub struct BilateralUpsampleSurface {
 }
 
 /// A value at low resolution.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::bilateral_upsample::{
+///     BilateralUpsampleSurface, BilateralUpsampleTap, bilateral_upsample_pixel,
+/// };
+///
+/// // A ray that gave nothing: it counts nowhere.
+/// let none = BilateralUpsampleTap {
+///     color: Vec3::ZERO,
+///     weight: 0.0,
+///     position: Vec3::ZERO,
+///     normal: Vec3::Y,
+/// };
+/// let grey = BilateralUpsampleTap {
+///     color: Vec3::splat(0.5),
+///     weight: 1.0,
+///     ..none
+/// };
+/// let floor = BilateralUpsampleSurface {
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let tap = |at: UVec2| if at.x == 0 { none } else { grey };
+/// let color =
+///     bilateral_upsample_pixel(UVec2::ONE, UVec2::splat(2), 2, |_| floor, tap);
+/// assert!((color - grey.color).length() < 1e-5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BilateralUpsampleTap {
@@ -52,6 +103,15 @@ pub struct BilateralUpsampleTap {
 }
 
 /// Where a pixel lies among the pixels of the low resolution.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::bilateral_upsample::bilateral_upsample_place;
+///
+/// // At the image's corner the far pixel lies outside: -1 in two's complement.
+/// let place = bilateral_upsample_place(UVec2::ZERO, 2);
+/// assert_eq!((place.near, place.far), (UVec2::ZERO, UVec2::MAX));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BilateralUpsamplePlace {
@@ -70,6 +130,15 @@ pub struct BilateralUpsamplePlace {
 /// below 2^30.
 ///
 /// Error analysis: one quotient of exact numbers.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::bilateral_upsample::bilateral_upsample_place;
+///
+/// // Pixel 5 is the right half of block 2, a quarter of the way to block 3.
+/// let place = bilateral_upsample_place(UVec2::new(5, 5), 2);
+/// assert_eq!((place.near.x, place.far.x, place.share.x), (2, 3, 0.25));
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_upsample_place(pixel: UVec2, scale: u32) -> BilateralUpsamplePlace {
@@ -104,6 +173,17 @@ pub fn bilateral_upsample_place(pixel: UVec2, scale: u32) -> BilateralUpsamplePl
 /// Error analysis: the exponent is a sum of squares, `x·e^-x` never exceeds
 /// 0.37, so the absolute error is a few ULP of one; only the distance from the
 /// plane may cancel, by `|offset|/reach`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::bilateral_upsample::bilateral_upsample_weight;
+///
+/// // One plane: any distance along it. A step, or an edge: next to nothing.
+/// let along = bilateral_upsample_weight(Vec3::Y, Vec3::Y, Vec3::X, 0.1);
+/// let step = bilateral_upsample_weight(Vec3::Y, Vec3::Y, Vec3::Y, 0.1);
+/// let edge = bilateral_upsample_weight(Vec3::Y, Vec3::X, Vec3::X, 0.1);
+/// assert!(along == 1.0 && step < 1e-6 && edge < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_upsample_weight(
@@ -180,6 +260,31 @@ fn bilateral_upsample_add(
 /// Error analysis: sums of positive terms and one quotient, so the errors are
 /// those of the weights, twice. A small weight's relative error is that of its
 /// exponent, up to 17 times an ULP's before the floor takes over.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::bilateral_upsample::{
+///     BilateralUpsampleSurface, BilateralUpsampleTap, bilateral_upsample_pixel,
+/// };
+///
+/// // A wall at x >= 1 in front of a floor; red values lie on it, blue ones below.
+/// let place = |wall: bool| Vec3::new(0.0, if wall { 1.0 } else { 0.0 }, 0.0);
+/// let surface = |at: UVec2| BilateralUpsampleSurface {
+///     position: place(at.x >= 2),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let tap = |at: UVec2| BilateralUpsampleTap {
+///     color: if at.x >= 1 { Vec3::X } else { Vec3::Z },
+///     weight: 1.0,
+///     position: place(at.x >= 1),
+///     normal: Vec3::Y,
+/// };
+/// // Pixel 1 is the floor's last; no red comes over the edge.
+/// let color =
+///     bilateral_upsample_pixel(UVec2::ONE, UVec2::splat(2), 2, surface, tap);
+/// assert!((color - Vec3::Z).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_upsample_pixel<S, T>(

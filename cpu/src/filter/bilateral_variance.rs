@@ -37,6 +37,27 @@ const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d80_0000;
 const BILATERAL_VARIANCE_BITS: u32 = 0x7b80_0000;
 
 /// What the filter knows of a pixel.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::bilateral_variance::{
+///     BilateralVariancePixel, bilateral_variance_pixel,
+/// };
+///
+/// let known = BilateralVariancePixel {
+///     color: Vec3::ONE,
+///     variance: 0.0,
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// // Without variance a pixel stays as it is.
+/// let color =
+///     bilateral_variance_pixel(UVec2::ONE, UVec2::splat(3), 8.0, 32, 0.0, |_| {
+///         known
+///     });
+/// assert_eq!(color, Vec3::ONE);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BilateralVariancePixel {
@@ -57,6 +78,16 @@ pub struct BilateralVariancePixel {
 /// in luminance. `filter/spatial_reconstruct` measures variance in it.
 ///
 /// Error analysis: a sum of positive terms.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_square;
+///
+/// // For grey it is the square of the value, up to rounding.
+/// assert!((bilateral_variance_square(Vec3::splat(3.0)) - 9.0).abs() < 1e-5);
+/// // Channels count as in luminance: green most.
+/// assert!(bilateral_variance_square(Vec3::Y) > bilateral_variance_square(Vec3::X));
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_square(color: Vec3) -> f32 {
@@ -66,6 +97,14 @@ pub fn bilateral_variance_square(color: Vec3) -> f32 {
 /// 1 if every channel is a number of magnitude below 2^60, else 0: NaN,
 /// infinity and what squares to infinity are no colours. Compares bit patterns.
 /// Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_usable;
+///
+/// assert_eq!(bilateral_variance_usable(Vec3::ONE), 1);
+/// assert_eq!(bilateral_variance_usable(Vec3::new(0.0, f32::NAN, 0.0)), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_usable(color: Vec3) -> u32 {
@@ -88,6 +127,15 @@ fn bilateral_variance_mix(a: f32, a_weight: f32, b: f32, b_weight: f32, total: f
 /// image's exposure changes nothing. Arguments are `>= 0`.
 ///
 /// Error analysis: one quotient, one root, one product.
+///
+/// ```
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_radius;
+///
+/// // A relative deviation of a half opens the kernel fully, a quarter half.
+/// assert_eq!(bilateral_variance_radius(1.0, 4.0, 8.0), 8.0);
+/// assert_eq!(bilateral_variance_radius(0.25, 4.0, 8.0), 4.0);
+/// assert_eq!(bilateral_variance_radius(0.0, 4.0, 8.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_radius(variance: f32, square: f32, max_radius: f32) -> f32 {
@@ -106,6 +154,14 @@ pub fn bilateral_variance_radius(variance: f32, square: f32, max_radius: f32) ->
 ///
 /// Error analysis: one product; where it is within an ULP of an integer the
 /// twins may differ by one.
+///
+/// ```
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_taps;
+///
+/// assert_eq!(bilateral_variance_taps(4.0, 32), 16);
+/// assert_eq!(bilateral_variance_taps(8.0, 32), 32);
+/// assert_eq!(bilateral_variance_taps(0.9, 32), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_taps(radius: f32, max_taps: u32) -> u32 {
@@ -119,6 +175,16 @@ pub fn bilateral_variance_taps(radius: f32, max_taps: u32) -> u32 {
 ///
 /// Error analysis: the angle errs by 2^-23 turns, the radius by a quotient, a
 /// root and a product.
+///
+/// ```
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_offset;
+///
+/// // The last tap lies on the rim, the first quarter within half the radius.
+/// let rim = bilateral_variance_offset(16, 16, 8.0, 0.3);
+/// let inner = bilateral_variance_offset(4, 16, 8.0, 0.3);
+/// assert!((rim.length() - 8.0).abs() < 1e-4);
+/// assert!((inner.length() - 4.0).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_offset(index: u32, taps: u32, radius: f32, turn: f32) -> Vec2 {
@@ -139,6 +205,25 @@ pub fn bilateral_variance_offset(index: u32, taps: u32, radius: f32, turn: f32) 
 /// Error analysis: the exponent is a sum of squares, `x·e^-x` never exceeds
 /// 0.37, so the absolute error is a few ULP of one; only the distance from the
 /// plane may cancel, by `|offset|/reach`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_weight;
+///
+/// let grey = Vec3::ZERO;
+/// let same = bilateral_variance_weight(Vec3::Y, Vec3::Y, Vec3::X, 0.1, grey, 0.01);
+/// let edge = bilateral_variance_weight(Vec3::Y, Vec3::X, Vec3::X, 0.1, grey, 0.01);
+/// // A difference of 4 standard deviations weighs 1/e.
+/// let far = bilateral_variance_weight(
+///     Vec3::Y,
+///     Vec3::Y,
+///     Vec3::X,
+///     0.1,
+///     Vec3::splat(0.4),
+///     0.01,
+/// );
+/// assert!(same == 1.0 && edge < 1e-6 && (far - 0.3679).abs() < 1e-3);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_weight(
@@ -184,6 +269,28 @@ pub fn bilateral_variance_weight(
 ///
 /// Error analysis: a convex combination of at most `max_taps` colours, so the
 /// errors of the weights and of the steps add: 4 ULP a step on the CPU.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::bilateral_variance::{
+///     BilateralVariancePixel, bilateral_variance_pixel,
+/// };
+///
+/// // A noisy floor: every other pixel has 1.2 in the place of 0.8.
+/// let read = |at: UVec2| {
+///     let value = if (at.x + at.y) % 2 == 0 { 0.8 } else { 1.2 };
+///     BilateralVariancePixel {
+///         color: Vec3::splat(value),
+///         variance: 0.04,
+///         position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+///         reach: 0.1,
+///         normal: Vec3::Y,
+///     }
+/// };
+/// let size = UVec2::splat(16);
+/// let color = bilateral_variance_pixel(UVec2::splat(8), size, 8.0, 32, 0.3, read);
+/// assert!((color.x - 1.0).abs() < 0.1);
+/// ```
 #[inline]
 #[must_use]
 pub fn bilateral_variance_pixel<R>(

@@ -22,6 +22,17 @@ use crate::math::sanitize::sanitize_vector;
 pub const FIREFLY_MAX: f32 = 1e8;
 
 /// The smallest and the largest of some neighbours, channel by channel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{FIREFLY_RANGE_EMPTY, firefly_range_add};
+///
+/// let some = firefly_range_add(FIREFLY_RANGE_EMPTY, Vec3::splat(2.0));
+/// assert_eq!(
+///     (some.low, some.high, some.count),
+///     (Vec3::splat(2.0), Vec3::splat(2.0), 1)
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct FireflyRange {
@@ -41,6 +52,17 @@ pub const FIREFLY_RANGE_EMPTY: FireflyRange = FireflyRange {
 };
 
 /// Mean and spread of some neighbours, channel by channel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{FIREFLY_STATS_EMPTY, firefly_stats_add};
+///
+/// let one = firefly_stats_add(FIREFLY_STATS_EMPTY, Vec3::splat(2.0));
+/// assert_eq!(
+///     (one.mean, one.spread, one.count),
+///     (Vec3::splat(2.0), Vec3::ZERO, 1)
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct FireflyStats {
@@ -81,6 +103,17 @@ fn firefly_mean(old: f32, count: f32, new: f32) -> f32 {
 }
 
 /// Takes a neighbour into the range; channels in `[0, FIREFLY_MAX]`. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{FIREFLY_RANGE_EMPTY, firefly_range_add};
+///
+/// let mut range = FIREFLY_RANGE_EMPTY;
+/// for value in [0.5, 0.2, 0.9] {
+///     range = firefly_range_add(range, Vec3::splat(value));
+/// }
+/// assert_eq!((range.low.x, range.high.x), (0.2, 0.9));
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_range_add(range: FireflyRange, color: Vec3) -> FireflyRange {
@@ -101,6 +134,17 @@ pub fn firefly_range_add(range: FireflyRange, color: Vec3) -> FireflyRange {
 
 /// The colour, at most as large as the largest neighbour; without neighbours
 /// the colour itself. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{
+///     FIREFLY_RANGE_EMPTY, firefly_cap, firefly_range_add,
+/// };
+///
+/// let range = firefly_range_add(FIREFLY_RANGE_EMPTY, Vec3::ONE);
+/// assert_eq!(firefly_cap(Vec3::splat(500.0), range), Vec3::ONE);
+/// assert_eq!(firefly_cap(Vec3::splat(0.1), range), Vec3::splat(0.1));
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_cap(color: Vec3, range: FireflyRange) -> Vec3 {
@@ -116,6 +160,18 @@ pub fn firefly_cap(color: Vec3, range: FireflyRange) -> Vec3 {
 
 /// The colour, neither larger than the largest neighbour nor smaller than the
 /// smallest; without neighbours the colour itself. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{
+///     FIREFLY_RANGE_EMPTY, firefly_range_add, firefly_rank,
+/// };
+///
+/// let range = firefly_range_add(FIREFLY_RANGE_EMPTY, Vec3::ONE);
+/// // Dark outliers too.
+/// assert_eq!(firefly_rank(Vec3::splat(500.0), range), Vec3::ONE);
+/// assert_eq!(firefly_rank(Vec3::splat(0.1), range), Vec3::ONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_rank(color: Vec3, range: FireflyRange) -> Vec3 {
@@ -135,6 +191,21 @@ pub fn firefly_rank(color: Vec3, range: FireflyRange) -> Vec3 {
 ///
 /// Error analysis: both sums have terms of one sign, so each step adds a few
 /// ULP; the mean is clamped between what it was and the neighbour.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{FIREFLY_STATS_EMPTY, firefly_stats_add};
+///
+/// let mut stats = FIREFLY_STATS_EMPTY;
+/// for value in [1.0, 3.0] {
+///     stats = firefly_stats_add(stats, Vec3::splat(value));
+/// }
+/// // Mean 2, and each is one away from it.
+/// assert_eq!(
+///     (stats.mean, stats.spread),
+///     (Vec3::splat(2.0), Vec3::splat(2.0))
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_stats_add(stats: FireflyStats, color: Vec3) -> FireflyStats {
@@ -171,6 +242,21 @@ pub fn firefly_stats_add(stats: FireflyStats, color: Vec3) -> FireflyStats {
 /// exceed. Without neighbours [`FIREFLY_MAX`].
 ///
 /// Error analysis: a sum of two terms of one sign, one of them a root.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::firefly::{
+///     FIREFLY_STATS_EMPTY, firefly_limit, firefly_stats_add,
+/// };
+///
+/// let mut stats = FIREFLY_STATS_EMPTY;
+/// for value in [1.0, 3.0] {
+///     stats = firefly_stats_add(stats, Vec3::splat(value));
+/// }
+/// // The mean, and no standard deviation; then more of them.
+/// assert_eq!(firefly_limit(stats, 0.0), stats.mean);
+/// assert!(firefly_limit(stats, 2.0).x > firefly_limit(stats, 1.0).x);
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_limit(stats: FireflyStats, gamma: f32) -> Vec3 {
@@ -191,6 +277,22 @@ pub fn firefly_limit(stats: FireflyStats, gamma: f32) -> Vec3 {
 /// `read(at)` gives a colour and is only called inside `size` (each side below
 /// 2^31). Colours with a negative channel, an infinity or a NaN are left out.
 /// In WGSL it is a function that the program defines.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::firefly::firefly_range;
+///
+/// // A bright pixel in the middle does not count for itself.
+/// let read = |at: UVec2| {
+///     if at == UVec2::ONE {
+///         Vec3::splat(500.0)
+///     } else {
+///         Vec3::ONE
+///     }
+/// };
+/// let range = firefly_range(UVec2::ONE, UVec2::splat(3), read);
+/// assert_eq!((range.high, range.count), (Vec3::ONE, 8));
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_range<R>(pixel: UVec2, size: UVec2, read: R) -> FireflyRange
@@ -224,6 +326,24 @@ where
 /// Error analysis: [`firefly_stats_add`] 24 times; the distances that the
 /// spread is made of are differences from a mean with that error, so its error
 /// is absolute: that of the radiance squared.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::firefly::firefly_stats;
+///
+/// let read = |at: UVec2| {
+///     if at == UVec2::splat(2) {
+///         Vec3::splat(500.0)
+///     } else {
+///         Vec3::ONE
+///     }
+/// };
+/// let stats = firefly_stats(UVec2::splat(2), UVec2::splat(5), read);
+/// assert_eq!(
+///     (stats.mean, stats.spread, stats.count),
+///     (Vec3::ONE, Vec3::ZERO, 24)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_stats<R>(pixel: UVec2, size: UVec2, read: R) -> FireflyStats
@@ -254,6 +374,23 @@ where
 /// A pixel under the cap: [`firefly_cap`] with its 3 x 3 neighbours. One that
 /// is negative or not finite becomes the smallest of them; black outside the
 /// image or if none of them is usable either. Exact.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::firefly::firefly_cap_pixel;
+///
+/// let read = |at: UVec2| {
+///     if at == UVec2::ONE {
+///         Vec3::splat(500.0)
+///     } else {
+///         Vec3::ONE
+///     }
+/// };
+/// assert_eq!(
+///     firefly_cap_pixel(UVec2::ONE, UVec2::splat(3), read),
+///     Vec3::ONE
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_cap_pixel<R>(pixel: UVec2, size: UVec2, read: R) -> Vec3
@@ -276,6 +413,22 @@ where
 
 /// A pixel under the rank filter: as [`firefly_cap_pixel`], but not below its
 /// smallest neighbour either. Exact.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::firefly::firefly_rank_pixel;
+///
+/// // A pixel that no sample reached, black between grey ones.
+/// let read = |at: UVec2| {
+///     if at == UVec2::ONE {
+///         Vec3::ZERO
+///     } else {
+///         Vec3::splat(0.5)
+///     }
+/// };
+/// let color = firefly_rank_pixel(UVec2::ONE, UVec2::splat(3), read);
+/// assert_eq!(color, Vec3::splat(0.5));
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_rank_pixel<R>(pixel: UVec2, size: UVec2, read: R) -> Vec3
@@ -305,6 +458,22 @@ where
 ///
 /// Error analysis: that of [`firefly_stats`]; the root of a spread next to 0
 /// has the root of its error.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::firefly::firefly_clamp_pixel;
+///
+/// let read = |at: UVec2| {
+///     if at == UVec2::splat(2) {
+///         Vec3::splat(500.0)
+///     } else {
+///         Vec3::ONE
+///     }
+/// };
+/// // Its neighbours agree, so it may not exceed them.
+/// let color = firefly_clamp_pixel(UVec2::splat(2), UVec2::splat(5), 3.0, read);
+/// assert_eq!(color, Vec3::ONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn firefly_clamp_pixel<R>(pixel: UVec2, size: UVec2, gamma: f32, read: R) -> Vec3

@@ -17,6 +17,15 @@ use glam::UVec2;
 pub const PACKED_VISIBILITY_REACH: u32 = 8;
 
 /// Whether each of a block's rays reached the light.
+///
+/// ```
+/// use raytwin_cpu::filter::packed_visibility::{
+///     PackedVisibilityRays, packed_visibility_pack,
+/// };
+///
+/// let lit = PackedVisibilityRays { visible: [1; 32] };
+/// assert_eq!(packed_visibility_pack(lit), u32::MAX);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct PackedVisibilityRays {
@@ -26,6 +35,14 @@ pub struct PackedVisibilityRays {
 }
 
 /// The block that holds a pixel. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_block;
+///
+/// assert_eq!(packed_visibility_block(UVec2::new(7, 3)), UVec2::ZERO);
+/// assert_eq!(packed_visibility_block(UVec2::new(8, 4)), UVec2::ONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_block(pixel: UVec2) -> UVec2 {
@@ -36,6 +53,15 @@ pub fn packed_visibility_block(pixel: UVec2) -> UVec2 {
 ///
 /// `local` may be the pixel in its block or the pixel in the image: only the
 /// three lowest bits of `x` and the two lowest of `y` are looked at. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_bit;
+///
+/// // Bit 8 y + x, for a pixel of the image as well as of the block.
+/// assert_eq!(packed_visibility_bit(UVec2::new(2, 1)), 1 << 10);
+/// assert_eq!(packed_visibility_bit(UVec2::new(8 + 2, 4 + 1)), 1 << 10);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_bit(local: UVec2) -> u32 {
@@ -43,6 +69,16 @@ pub fn packed_visibility_bit(local: UVec2) -> u32 {
 }
 
 /// A block's word. Exact.
+///
+/// ```
+/// use raytwin_cpu::filter::packed_visibility::{
+///     PackedVisibilityRays, packed_visibility_pack,
+/// };
+///
+/// let mut rays = PackedVisibilityRays { visible: [0; 32] };
+/// rays.visible[10] = 1;
+/// assert_eq!(packed_visibility_pack(rays), 1 << 10);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_pack(rays: PackedVisibilityRays) -> u32 {
@@ -59,6 +95,15 @@ pub fn packed_visibility_pack(rays: PackedVisibilityRays) -> u32 {
 
 /// 1 if the pixel's ray reached the light, else 0; `local` as in
 /// [`packed_visibility_bit`]. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_unpack;
+///
+/// let word = 1 << 10;
+/// assert_eq!(packed_visibility_unpack(word, UVec2::new(2, 1)), 1);
+/// assert_eq!(packed_visibility_unpack(word, UVec2::new(1, 2)), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_unpack(word: u32, local: UVec2) -> u32 {
@@ -70,6 +115,15 @@ pub fn packed_visibility_unpack(word: u32, local: UVec2) -> u32 {
 ///
 /// The block is one that [`packed_visibility_block`] can give: `x` below 2^29,
 /// `y` below 2^30. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_window;
+///
+/// // The upper left 2 x 2 pixels of the first block.
+/// let window = packed_visibility_window(UVec2::ZERO, UVec2::ZERO, UVec2::ONE);
+/// assert_eq!(window, 0b11 | 0b11 << 8);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_window(block: UVec2, low: UVec2, high: UVec2) -> u32 {
@@ -92,6 +146,17 @@ pub fn packed_visibility_window(block: UVec2, low: UVec2, high: UVec2) -> u32 {
 
 /// How many rays of a block reached the light, of those whose bit is set in
 /// `window`. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::{
+///     packed_visibility_count, packed_visibility_window,
+/// };
+///
+/// let window = packed_visibility_window(UVec2::ZERO, UVec2::ZERO, UVec2::ONE);
+/// assert_eq!(packed_visibility_count(u32::MAX, window), 4);
+/// assert_eq!(packed_visibility_count(0b01, window), 1);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_count(word: u32, window: u32) -> u32 {
@@ -103,6 +168,17 @@ pub fn packed_visibility_count(word: u32, window: u32) -> u32 {
 ///
 /// `read(block)` gives a block's word and is only called for blocks that the
 /// rectangle touches. In WGSL it is a function that the program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_rectangle;
+///
+/// // All rays of the left column of blocks reached the light.
+/// let read = |block: UVec2| if block.x == 0 { u32::MAX } else { 0 };
+/// let count =
+///     packed_visibility_rectangle(UVec2::new(6, 1), UVec2::new(9, 5), read);
+/// assert_eq!(count, 2 * 5);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_rectangle<R>(low: UVec2, high: UVec2, read: R) -> u32
@@ -129,6 +205,13 @@ where
 }
 
 /// The first pixel of the neighbourhood. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_low;
+///
+/// assert_eq!(packed_visibility_low(UVec2::new(20, 3)), UVec2::new(12, 0));
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_low(pixel: UVec2) -> UVec2 {
@@ -139,6 +222,15 @@ pub fn packed_visibility_low(pixel: UVec2) -> UVec2 {
 }
 
 /// The last pixel of the neighbourhood; `pixel` lies inside `size`. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_high;
+///
+/// let size = UVec2::new(64, 32);
+/// let last = packed_visibility_high(UVec2::new(20, 30), size);
+/// assert_eq!(last, UVec2::new(28, 31));
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_high(pixel: UVec2, size: UVec2) -> UVec2 {
@@ -150,6 +242,16 @@ pub fn packed_visibility_high(pixel: UVec2, size: UVec2) -> UVec2 {
 
 /// How many pixels of the image lie in the neighbourhood of a pixel: 289 away
 /// from the borders, 81 in a corner, 0 for a pixel outside. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_area;
+///
+/// let size = UVec2::new(64, 32);
+/// assert_eq!(packed_visibility_area(UVec2::new(20, 15), size), 17 * 17);
+/// assert_eq!(packed_visibility_area(UVec2::ZERO, size), 9 * 9);
+/// assert_eq!(packed_visibility_area(size, size), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_area(pixel: UVec2, size: UVec2) -> u32 {
@@ -167,6 +269,20 @@ pub fn packed_visibility_area(pixel: UVec2, size: UVec2) -> u32 {
 ///
 /// `read(block)` gives a block's word. In WGSL it is a function that the
 /// program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_horizontal;
+///
+/// // Every ray reached the light: 9 pixels at the border, 17 away from it.
+/// let size = UVec2::new(64, 32);
+/// assert_eq!(
+///     packed_visibility_horizontal(UVec2::ZERO, size, |_| u32::MAX),
+///     9
+/// );
+/// let inside = UVec2::new(20, 15);
+/// assert_eq!(packed_visibility_horizontal(inside, size, |_| u32::MAX), 17);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_horizontal<R>(pixel: UVec2, size: UVec2, read: R) -> u32
@@ -190,6 +306,22 @@ where
 ///
 /// `read_row(pixel)` gives what [`packed_visibility_horizontal`] gave. In WGSL
 /// it is a function that the program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::{
+///     packed_visibility_horizontal, packed_visibility_sum,
+///     packed_visibility_vertical,
+/// };
+///
+/// let size = UVec2::new(64, 32);
+/// let read = |block: UVec2| 0x1234_5678 ^ block.x;
+/// let row = |pixel: UVec2| packed_visibility_horizontal(pixel, size, read);
+/// // Two passes count what one does.
+/// let pixel = UVec2::new(20, 15);
+/// let sum = packed_visibility_vertical(pixel, size, row);
+/// assert_eq!(sum, packed_visibility_sum(pixel, size, read));
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_vertical<R>(pixel: UVec2, size: UVec2, read_row: R) -> u32
@@ -215,6 +347,20 @@ where
 ///
 /// `read(block)` gives a block's word. In WGSL it is a function that the
 /// program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::{
+///     packed_visibility_area, packed_visibility_mean, packed_visibility_sum,
+/// };
+///
+/// // Half of the rays: every other pixel of a row.
+/// let size = UVec2::new(64, 32);
+/// let pixel = UVec2::new(20, 15);
+/// let sum = packed_visibility_sum(pixel, size, |_| 0x5555_5555);
+/// let mean = packed_visibility_mean(sum, packed_visibility_area(pixel, size));
+/// assert!((mean - 0.5).abs() < 0.05);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_sum<R>(pixel: UVec2, size: UVec2, read: R) -> u32
@@ -235,6 +381,15 @@ where
 /// Exactly 0 if none did and exactly 1 if all did.
 ///
 /// Error analysis: one quotient of exact numbers.
+///
+/// ```
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_mean;
+///
+/// assert_eq!(packed_visibility_mean(64, 256), 0.25);
+/// assert_eq!(packed_visibility_mean(289, 289), 1.0);
+/// // No rays, no shadow.
+/// assert_eq!(packed_visibility_mean(0, 0), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_mean(sum: u32, area: u32) -> f32 {
@@ -250,6 +405,14 @@ pub fn packed_visibility_mean(sum: u32, area: u32) -> f32 {
 /// Exactly 0 where all agree, never negative; at most 1/4.
 ///
 /// Error analysis: one quotient of exact numbers, as `p - p²` over `area²`.
+///
+/// ```
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_variance;
+///
+/// assert_eq!(packed_visibility_variance(128, 256), 0.25);
+/// // All agree.
+/// assert_eq!(packed_visibility_variance(289, 289), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn packed_visibility_variance(sum: u32, area: u32) -> f32 {

@@ -29,6 +29,23 @@ pub const SEPARABLE_BLUR_MAX: f32 = 1e8;
 const LOG2_E: f32 = 1.442695;
 
 /// What the blur knows of a pixel.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::separable_blur::{
+///     SeparableBlurPixel, separable_blur_pixel,
+/// };
+///
+/// let pixel = SeparableBlurPixel {
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+///     value: 0.25,
+/// };
+/// // A constant image stays as it is.
+/// let blurred = separable_blur_pixel(UVec2::ONE, UVec2::splat(3), 0, 2, |_| pixel);
+/// assert_eq!(blurred, 0.25);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SeparableBlurPixel {
@@ -54,6 +71,17 @@ pub struct SeparableBlurPixel {
 /// Error analysis: the exponent is a sum of squares, `x·e^-x` never exceeds
 /// 0.37, so the absolute error is a few ULP of one; only the distance from the
 /// plane may cancel, by `|offset|/reach`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::separable_blur::separable_blur_weight;
+///
+/// let flat = |d| separable_blur_weight(d, 4, Vec3::Y, Vec3::Y, Vec3::X, 0.1);
+/// // A Gaussian along the surface: e^-2 at the radius; nothing around an edge.
+/// assert!(flat(0) == 1.0 && (flat(4) - 0.13534).abs() < 1e-5);
+/// let edge = separable_blur_weight(1, 4, Vec3::Y, Vec3::X, Vec3::X, 0.1);
+/// assert!(edge < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn separable_blur_weight(
@@ -135,6 +163,24 @@ fn separable_blur_tap(
 ///
 /// Error analysis: two sums of positive terms and one quotient: an ULP a step
 /// for each sum, and the errors of the weights twice.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::separable_blur::{
+///     SeparableBlurPixel, separable_blur_pixel,
+/// };
+///
+/// // Noise on a floor, and a shelf above it that begins at x = 8.
+/// let read = |at: UVec2| SeparableBlurPixel {
+///     position: Vec3::new(at.x as f32, if at.x < 8 { 0.0 } else { 5.0 }, 0.0),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+///     value: if at.x < 8 { (at.x % 2) as f32 } else { 100.0 },
+/// };
+/// let blurred =
+///     separable_blur_pixel(UVec2::new(6, 0), UVec2::new(16, 1), 0, 6, read);
+/// assert!((blurred - 0.5).abs() < 0.15);
+/// ```
 #[inline]
 #[must_use]
 pub fn separable_blur_pixel<R>(pixel: UVec2, size: UVec2, axis: u32, radius: u32, read: R) -> f32

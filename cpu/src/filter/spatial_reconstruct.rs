@@ -35,6 +35,20 @@ const INFINITY_BITS: u32 = 0x7f80_0000;
 const RADIANCE_BITS: u32 = 0x5d80_0000;
 
 /// A half-resolution hit.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SpatialReconstructHit, spatial_reconstruct_usable,
+/// };
+///
+/// let hit = SpatialReconstructHit {
+///     position: Vec3::ZERO,
+///     pdf: 0.5,
+///     radiance: Vec3::ONE,
+/// };
+/// assert_eq!(spatial_reconstruct_usable(1.0, hit.pdf, hit.radiance), 1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SpatialReconstructHit {
@@ -48,6 +62,17 @@ pub struct SpatialReconstructHit {
 }
 
 /// What has been gathered so far; starts as [`SPATIAL_RECONSTRUCT_EMPTY`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SPATIAL_RECONSTRUCT_EMPTY, spatial_reconstruct_add,
+/// };
+///
+/// let state =
+///     spatial_reconstruct_add(SPATIAL_RECONSTRUCT_EMPTY, 1.0, 0.5, Vec3::ONE);
+/// assert_eq!((state.color, state.weight), (Vec3::ONE, 2.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SpatialReconstructState {
@@ -74,6 +99,17 @@ pub const SPATIAL_RECONSTRUCT_EMPTY: SpatialReconstructState = SpatialReconstruc
 };
 
 /// A pixel's reconstructed value.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SPATIAL_RECONSTRUCT_EMPTY, spatial_reconstruct_finish,
+/// };
+///
+/// // Nothing was gathered: the centre's own value.
+/// let result = spatial_reconstruct_finish(SPATIAL_RECONSTRUCT_EMPTY, Vec3::ONE);
+/// assert_eq!((result.color, result.samples), (Vec3::ONE, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SpatialReconstruction {
@@ -113,6 +149,15 @@ fn spatial_reconstruct_mix(a: f32, a_weight: f32, b: f32, b_weight: f32, total: 
 /// Error analysis: the spiral's angle is kept in 2^-32 turns, so it errs by
 /// 2^-24 turns for any index; adding `turn` rounds by half as much again. That
 /// is 6e-7 of the distance, and most of the bound.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::filter::spatial_reconstruct::spatial_reconstruct_offset;
+///
+/// assert_eq!(spatial_reconstruct_offset(0, 0.3), Vec2::ZERO);
+/// let ninth = spatial_reconstruct_offset(9, 0.3);
+/// assert!((ninth.length() - 3.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_offset(index: u32, turn: f32) -> Vec2 {
@@ -131,6 +176,16 @@ pub fn spatial_reconstruct_offset(index: u32, turn: f32) -> Vec2 {
 ///
 /// Error analysis: the distance from the plane is a dot product that may
 /// cancel: its error is that of `|offset|/reach`. The rest is products.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::spatial_reconstruct_edge;
+///
+/// // On the same plane all, one reach above it nothing.
+/// let along = spatial_reconstruct_edge(Vec3::Y, Vec3::Y, Vec3::X, 0.1);
+/// let above = spatial_reconstruct_edge(Vec3::Y, Vec3::Y, 0.1 * Vec3::Y, 0.1);
+/// assert_eq!((along, above), (1.0, 0.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_edge(normal: Vec3, other_normal: Vec3, offset: Vec3, reach: f32) -> f32 {
@@ -147,6 +202,17 @@ pub fn spatial_reconstruct_edge(normal: Vec3, other_normal: Vec3, offset: Vec3, 
 /// 1 if weight and density are numbers and every channel is one of magnitude
 /// below 2^60, else 0: NaN, infinity and what squares to infinity say nothing.
 /// Compares bit patterns. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::spatial_reconstruct_usable;
+///
+/// assert_eq!(spatial_reconstruct_usable(1.0, 0.5, Vec3::ONE), 1);
+/// assert_eq!(
+///     spatial_reconstruct_usable(1.0, 0.5, Vec3::splat(f32::NAN)),
+///     0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_usable(weight: f32, pdf: f32, radiance: Vec3) -> u32 {
@@ -165,6 +231,14 @@ pub fn spatial_reconstruct_usable(weight: f32, pdf: f32, radiance: Vec3) -> u32 
 /// [`SPATIAL_RECONSTRUCT_WEIGHT_MAX`]. `pdf <= 1e20`.
 ///
 /// Error analysis: one quotient, or a constant.
+///
+/// ```
+/// use raytwin_cpu::filter::spatial_reconstruct::spatial_reconstruct_ratio;
+///
+/// assert_eq!(spatial_reconstruct_ratio(1.0, 0.5), 2.0);
+/// // Density 0 means no ray.
+/// assert_eq!(spatial_reconstruct_ratio(1.0, 0.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_ratio(weight: f32, pdf: f32) -> f32 {
@@ -189,6 +263,21 @@ pub fn spatial_reconstruct_ratio(weight: f32, pdf: f32) -> f32 {
 /// Error analysis: every sum has terms of one sign (the mean too, as weights
 /// and radiance are `>= 0`), so each member gains a few ULP and nothing
 /// cancels; the mean is clamped between what it was and the hit.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SPATIAL_RECONSTRUCT_EMPTY, spatial_reconstruct_add,
+/// };
+///
+/// let one =
+///     spatial_reconstruct_add(SPATIAL_RECONSTRUCT_EMPTY, 1.0, 0.5, Vec3::ONE);
+/// let two = spatial_reconstruct_add(one, 1.0, 0.5, Vec3::ZERO);
+/// // Two hits of equal weight: their mean.
+/// assert_eq!(two.color, Vec3::splat(0.5));
+/// // One without weight changes nothing.
+/// assert_eq!(spatial_reconstruct_add(two, 0.0, 0.5, Vec3::ONE), two);
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_add(
@@ -239,6 +328,23 @@ pub fn spatial_reconstruct_add(
 ///
 /// Error analysis: products and quotients of positive numbers. The sum over
 /// pairs stands for `(Σw)² - Σw²`, which would cancel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SPATIAL_RECONSTRUCT_EMPTY, spatial_reconstruct_add,
+///     spatial_reconstruct_finish,
+/// };
+///
+/// let mut state = SPATIAL_RECONSTRUCT_EMPTY;
+/// for radiance in [1.0, 3.0] {
+///     state = spatial_reconstruct_add(state, 1.0, 0.5, Vec3::splat(radiance));
+/// }
+/// let result = spatial_reconstruct_finish(state, Vec3::ZERO);
+/// // Two samples of variance 2, so their mean has variance 1.
+/// assert_eq!((result.color.x, result.samples), (2.0, 2.0));
+/// assert!((result.variance - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_finish(
@@ -283,6 +389,30 @@ pub fn spatial_reconstruct_finish(
 /// convex combination, so the errors of the steps add: 4 ULP a step on the
 /// CPU. The distances that the spread is made of are differences from a mean
 /// with that error, so its error is absolute: that of the radiance squared.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::spatial_reconstruct::{
+///     SpatialReconstructHit, spatial_reconstruct_pixel,
+/// };
+///
+/// // Rays of different density that all saw the same: no noise is left.
+/// let hit = |at: UVec2| SpatialReconstructHit {
+///     position: Vec3::ZERO,
+///     pdf: 0.1 + at.x as f32,
+///     radiance: Vec3::splat(3.0),
+/// };
+/// let brdf = |_: UVec2, at: UVec2, _: SpatialReconstructHit| 0.1 + at.y as f32;
+/// let result = spatial_reconstruct_pixel(
+///     UVec2::splat(8),
+///     UVec2::splat(8),
+///     8,
+///     0.3,
+///     hit,
+///     brdf,
+/// );
+/// assert_eq!((result.color, result.variance), (Vec3::splat(3.0), 0.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn spatial_reconstruct_pixel<R, W>(

@@ -71,6 +71,17 @@ pub(crate) const LOG2_E: f32 = 1.442695;
 
 /// How strong the filter is. The steps over time are in here too, so that a
 /// preset is whole.
+///
+/// ```
+/// use raytwin_cpu::filter::svgf::SvgfSettings;
+///
+/// // The paper's, with a filter half as sensitive to luminance.
+/// let softer = SvgfSettings {
+///     sigma_luminance: 8.0,
+///     ..SvgfSettings::PAPER
+/// };
+/// assert_eq!((softer.passes, softer.radius), (5, 2));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SvgfSettings {
@@ -124,6 +135,20 @@ impl SvgfSettings {
 }
 
 /// A value and the variance of its luminance.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{SvgfSample, svgf_gaussian_pixel};
+///
+/// let sample = SvgfSample {
+///     value: Vec3::ONE,
+///     variance: 0.04,
+/// };
+/// assert_eq!(
+///     svgf_gaussian_pixel(UVec2::ZERO, UVec2::ONE, |_| sample),
+///     0.04
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SvgfSample<V> {
@@ -140,6 +165,37 @@ pub type SvgfColor = SvgfSample<Vec3>;
 pub type SvgfScalar = SvgfSample<f32>;
 
 /// What the filter knows of a pixel's surface.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{
+///     SvgfSample, SvgfSettings, SvgfSurface, svgf_atrous_scalar_pixel,
+/// };
+///
+/// let floor = SvgfSurface {
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// // Without a surface a pixel keeps its value.
+/// let sky = SvgfSurface {
+///     reach: 0.0,
+///     ..floor
+/// };
+/// let sample = SvgfSample {
+///     value: 0.25,
+///     variance: 1.0,
+/// };
+/// let out = svgf_atrous_scalar_pixel(
+///     UVec2::ZERO,
+///     UVec2::ONE,
+///     1,
+///     SvgfSettings::PAPER,
+///     |_| sky,
+///     |_| sample,
+/// );
+/// assert_eq!(out.value, 0.25);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SvgfSurface {
@@ -220,6 +276,13 @@ impl Signal for Vec3 {
 /// One over a scale, which counts as 2^-60 at least: never infinite.
 ///
 /// Error analysis: one quotient.
+///
+/// ```
+/// use raytwin_cpu::filter::svgf::svgf_falloff;
+///
+/// assert_eq!(svgf_falloff(0.25), 4.0);
+/// assert!(svgf_falloff(0.0).is_finite());
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_falloff(scale: f32) -> f32 {
@@ -234,6 +297,14 @@ pub fn svgf_falloff(scale: f32) -> f32 {
 /// absolute ε, which would make the filter depend on the exposure.
 ///
 /// Error analysis: a sum of two terms of one sign.
+///
+/// ```
+/// use raytwin_cpu::filter::svgf::svgf_luminance_scale;
+///
+/// // Four standard deviations, and a little of the luminance.
+/// assert_eq!(svgf_luminance_scale(0.25, 0.0, 4.0), 2.0);
+/// assert!(svgf_luminance_scale(0.0, 1.0, 4.0) > 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_luminance_scale(variance: f32, luminance: f32, sigma: f32) -> f32 {
@@ -246,6 +317,14 @@ pub fn svgf_luminance_scale(variance: f32, luminance: f32, sigma: f32) -> f32 {
 ///
 /// Error analysis: `x·e^-x` is at most 0.37, so the errors of the quotient
 /// leave an ULP or two of one.
+///
+/// ```
+/// use raytwin_cpu::filter::svgf::svgf_luminance_weight;
+///
+/// assert_eq!(svgf_luminance_weight(0.0, 2.0), 1.0);
+/// // The scale is where it falls to 1/e.
+/// assert!((svgf_luminance_weight(2.0, 2.0) - 0.3679).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_luminance_weight(difference: f32, scale: f32) -> f32 {
@@ -260,6 +339,15 @@ pub fn svgf_luminance_weight(difference: f32, scale: f32) -> f32 {
 ///
 /// Error analysis: the distance may cancel, which costs `|offset|/reach` ULP of
 /// one.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::svgf::svgf_depth_weight;
+///
+/// // Along the plane nothing is lost, off it 1/e a reach.
+/// assert_eq!(svgf_depth_weight(Vec3::Y, Vec3::X, 0.1), 1.0);
+/// assert!((svgf_depth_weight(Vec3::Y, 0.1 * Vec3::Y, 0.1) - 0.3679).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_depth_weight(normal: Vec3, offset: Vec3, reach: f32) -> f32 {
@@ -279,6 +367,18 @@ pub fn svgf_depth_weight(normal: Vec3, offset: Vec3, reach: f32) -> f32 {
 ///
 /// Error analysis: the predicted difference may cancel, if the gradient is
 /// across the offset, down to ε.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::filter::svgf::svgf_depth_weight_gradient;
+///
+/// let slope = Vec2::new(0.5, 0.0);
+/// // A difference that the slope predicts still weighs 1/e; one that it does
+/// // not predict weighs nothing.
+/// let predicted = svgf_depth_weight_gradient(0.5, 10.0, slope, Vec2::X, 1.0);
+/// let step = svgf_depth_weight_gradient(0.5, 10.0, slope, Vec2::Y, 1.0);
+/// assert!(predicted > 0.36 && step < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_depth_weight_gradient(
@@ -303,6 +403,16 @@ pub fn svgf_depth_weight_gradient(
 /// digits: if `c = 1 - y` then `c² = 1 - y(2 - y)`. A step leaves the relative
 /// error of `y` as it is and adds 1.5 ULP. Squaring the cosine itself doubles
 /// its error at each step, to 128 ULP, and a rounded `n·n` may exceed 1.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::svgf::svgf_normal_weight;
+///
+/// assert_eq!(svgf_normal_weight(Vec3::Y, Vec3::Y, 7), 1.0);
+/// // A cosine of 0.8, squared once.
+/// let tilted = svgf_normal_weight(Vec3::Y, Vec3::new(0.6, 0.8, 0.0), 1);
+/// assert!((tilted - 0.64).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_normal_weight(normal: Vec3, other_normal: Vec3, squarings: u32) -> f32 {
@@ -350,6 +460,30 @@ pub(crate) fn svgf_fade(exponent: f32) -> f32 {
 /// `-log2(1 - y)` with `y = |n - n'|²/2`: where they are not enough, the weight
 /// is small, and it never errs by more than 2^-24. `x·2^-x` is at most 0.54, so
 /// an exponent's own error leaves less than it is.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::svgf::{
+///     svgf_depth_weight, svgf_falloff, svgf_luminance_weight, svgf_normal_weight,
+///     svgf_weight,
+/// };
+///
+/// let tilted = Vec3::new(0.28, 0.96, 0.0);
+/// let offset = Vec3::new(1.0, 0.05, 0.0);
+/// let all = svgf_weight(
+///     Vec3::Y,
+///     tilted,
+///     offset,
+///     svgf_falloff(0.1),
+///     1.0,
+///     svgf_falloff(2.0),
+///     5,
+/// );
+/// let product = svgf_depth_weight(Vec3::Y, offset, 0.1)
+///     * svgf_luminance_weight(1.0, 2.0)
+///     * svgf_normal_weight(Vec3::Y, tilted, 5);
+/// assert!((all - product).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_weight(
@@ -639,6 +773,18 @@ fn atrous<V: Signal>(
 /// In WGSL `read` is the function `svgf_read_color` that the program defines.
 ///
 /// Error analysis: a weighted mean of numbers `>= 0` with exact weights.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{SvgfSample, svgf_gaussian_pixel};
+///
+/// // One pixel of variance 16 among known ones: the centre's share is 4/16.
+/// let read = |at: UVec2| SvgfSample {
+///     value: Vec3::ONE,
+///     variance: if at == UVec2::ONE { 16.0 } else { 0.0 },
+/// };
+/// assert_eq!(svgf_gaussian_pixel(UVec2::ONE, UVec2::splat(3), read), 4.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_gaussian_pixel<R>(pixel: UVec2, size: UVec2, read: R) -> f32
@@ -649,6 +795,21 @@ where
 }
 
 /// [`svgf_gaussian_pixel`] of a scalar; in WGSL it reads `svgf_read_scalar`.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::svgf::{SvgfSample, svgf_gaussian_scalar_pixel};
+///
+/// // Next to the centre the share is 2/16, at the corner 1/16.
+/// let read = |at: UVec2| SvgfSample {
+///     value: 1.0,
+///     variance: if at == UVec2::ONE { 16.0 } else { 0.0 },
+/// };
+/// assert_eq!(
+///     svgf_gaussian_scalar_pixel(UVec2::new(2, 1), UVec2::splat(5), read),
+///     2.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_gaussian_scalar_pixel<R>(pixel: UVec2, size: UVec2, read: R) -> f32
@@ -676,6 +837,29 @@ where
 /// Error analysis: the spread is a sum of squares of distances from a running
 /// mean, which is kept between its inputs. Those distances cancel, so the error
 /// is a few ULP of the luminance squared; where they are 0 it is 0.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{
+///     SvgfSample, SvgfSettings, SvgfSurface, svgf_variance_pixel,
+/// };
+///
+/// let floor = |at: UVec2| SvgfSurface {
+///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let read = |at: UVec2| SvgfSample {
+///     value: Vec3::splat(((at.x + at.y) % 2) as f32),
+///     variance: 7.0,
+/// };
+/// let (pixel, size, paper) =
+///     (UVec2::splat(4), UVec2::splat(9), SvgfSettings::PAPER);
+/// // Black and white pixels: 1/4, from the image. With a history its variance.
+/// let young = svgf_variance_pixel(pixel, size, 1.0, paper, floor, read);
+/// let old = svgf_variance_pixel(pixel, size, 9.0, paper, floor, read);
+/// assert!((young - 0.25).abs() < 0.02 && old == 7.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_variance_pixel<S, R>(
@@ -694,6 +878,32 @@ where
 }
 
 /// [`svgf_variance_pixel`] of a scalar; in WGSL it reads `svgf_read_scalar`.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{
+///     SvgfSample, SvgfSettings, SvgfSurface, svgf_variance_scalar_pixel,
+/// };
+///
+/// let floor = SvgfSurface {
+///     position: Vec3::ZERO,
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let constant = SvgfSample {
+///     value: 0.3,
+///     variance: 7.0,
+/// };
+/// let variance = svgf_variance_scalar_pixel(
+///     UVec2::splat(4),
+///     UVec2::splat(9),
+///     1.0,
+///     SvgfSettings::PAPER,
+///     |_| floor,
+///     |_| constant,
+/// );
+/// assert_eq!(variance, 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_variance_scalar_pixel<S, R>(
@@ -728,6 +938,33 @@ where
 ///
 /// Error analysis: each weight errs by a few ULP of one. So does their sum, of
 /// which the centre is 9/64; the mean is a convex combination.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{
+///     SvgfSample, SvgfSettings, SvgfSurface, svgf_atrous_pixel,
+/// };
+///
+/// // A noisy floor: each pass brings a pixel nearer to the mean of 1.
+/// let floor = |at: UVec2| SvgfSurface {
+///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let noisy = |at: UVec2| SvgfSample {
+///     value: Vec3::splat(0.5 + ((at.x + at.y) % 2) as f32),
+///     variance: 0.25,
+/// };
+/// let out = svgf_atrous_pixel(
+///     UVec2::splat(4),
+///     UVec2::splat(9),
+///     1,
+///     SvgfSettings::PAPER,
+///     floor,
+///     noisy,
+/// );
+/// assert!((out.value.x - 1.0).abs() < 0.2 && out.variance < 0.25);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_atrous_pixel<S, R>(
@@ -746,6 +983,33 @@ where
 }
 
 /// [`svgf_atrous_pixel`] of a scalar; in WGSL it reads `svgf_read_scalar`.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{
+///     SvgfSample, SvgfSettings, SvgfSurface, svgf_atrous_scalar_pixel,
+/// };
+///
+/// // A shadow's edge without noise stays sharp.
+/// let floor = |at: UVec2| SvgfSurface {
+///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// };
+/// let shadow = |at: UVec2| SvgfSample {
+///     value: if at.x < 4 { 0.0 } else { 1.0 },
+///     variance: 0.0,
+/// };
+/// let out = svgf_atrous_scalar_pixel(
+///     UVec2::splat(4),
+///     UVec2::splat(9),
+///     1,
+///     SvgfSettings::PAPER,
+///     floor,
+///     shadow,
+/// );
+/// assert_eq!(out.value, 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn svgf_atrous_scalar_pixel<S, R>(

@@ -54,6 +54,17 @@ const TILES_VARIANCE_BITS: u32 = 0x7c00_0000;
 const TILES_ONE_BITS: u32 = 0x3f80_0000;
 
 /// What to dispatch over a list of tiles.
+///
+/// ```
+/// use raytwin_cpu::filter::tiles::tiles_dispatch;
+///
+/// // Nothing to do is a dispatch too: of no workgroups.
+/// let dispatch = tiles_dispatch(0, 1000, 8160);
+/// assert_eq!(
+///     (dispatch.groups.y, dispatch.whole, dispatch.count),
+///     (0, 0, 0)
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct TilesDispatch {
@@ -71,6 +82,19 @@ pub struct TilesDispatch {
 /// `surface` is 0 where the filter has no surface, and so gives the pixel back
 /// as it is. A filter without variances passes 0. Compares bit patterns: -0 is
 /// not dark, and what is no data (NaN, infinite, 2^60) is to be filtered. Exact.
+///
+/// ```
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_DARK, TILES_LIT, TILES_MIXED, TILES_NONE, tiles_scalar_flags,
+/// };
+///
+/// assert_eq!(tiles_scalar_flags(1.0, 0.0, 1), TILES_LIT);
+/// assert_eq!(tiles_scalar_flags(0.0, 0.0, 1), TILES_DARK);
+/// // In the half shadow, in doubt, and without a surface.
+/// assert_eq!(tiles_scalar_flags(0.5, 0.0, 1), TILES_MIXED);
+/// assert_eq!(tiles_scalar_flags(1.0, 0.1, 1), TILES_MIXED);
+/// assert_eq!(tiles_scalar_flags(0.5, 0.1, 0), TILES_NONE);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_scalar_flags(value: f32, variance: f32, surface: u32) -> u32 {
@@ -95,6 +119,14 @@ pub fn tiles_scalar_flags(value: f32, variance: f32, surface: u32) -> u32 {
 
 /// The flags of a pixel of three channels, lit if all are 1 and dark if all are
 /// 0; else as [`tiles_scalar_flags`]. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_MIXED, tiles_color_flags};
+///
+/// assert_eq!(tiles_color_flags(Vec3::ZERO, 0.0, 1), TILES_DARK);
+/// assert_eq!(tiles_color_flags(Vec3::X, 0.0, 1), TILES_MIXED);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_color_flags(color: Vec3, variance: f32, surface: u32) -> u32 {
@@ -106,6 +138,16 @@ pub fn tiles_color_flags(color: Vec3, variance: f32, surface: u32) -> u32 {
 
 /// The flag of a pixel's kind of reflection: `kind` is what `reflection_kind`
 /// gives for its roughness. Exact.
+///
+/// ```
+/// use raytwin_cpu::brdf::reflection::reflection_kind;
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_REFLECTION_SAMPLED, tiles_reflection_flags,
+/// };
+///
+/// let kind = reflection_kind(0.3, 0.05, 0.7);
+/// assert_eq!(tiles_reflection_flags(kind), TILES_REFLECTION_SAMPLED);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_reflection_flags(kind: u32) -> u32 {
@@ -116,6 +158,21 @@ pub fn tiles_reflection_flags(kind: u32) -> u32 {
 /// `reflection_kind` does: sampled if any pixel is, and needs denoising; else a
 /// mirror if any is, and needs rays alone; else diffuse, and needs neither.
 /// Exact.
+///
+/// ```
+/// use raytwin_cpu::brdf::reflection::{REFLECTION_DIFFUSE, REFLECTION_MIRROR};
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_REFLECTION_DIFFUSE, TILES_REFLECTION_MIRROR, tiles_reflection_kind,
+/// };
+///
+/// // A mirror among rough pixels: the tile needs rays, but no denoising.
+/// let flags = TILES_REFLECTION_MIRROR | TILES_REFLECTION_DIFFUSE;
+/// assert_eq!(tiles_reflection_kind(flags), REFLECTION_MIRROR);
+/// assert_eq!(
+///     tiles_reflection_kind(TILES_REFLECTION_DIFFUSE),
+///     REFLECTION_DIFFUSE
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_reflection_kind(flags: u32) -> u32 {
@@ -130,6 +187,14 @@ pub fn tiles_reflection_kind(flags: u32) -> u32 {
 
 /// How many tiles lie across and down an image; those at its end may be cut.
 /// Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::tiles_count;
+///
+/// assert_eq!(tiles_count(UVec2::new(1920, 1080)), UVec2::new(240, 135));
+/// assert_eq!(tiles_count(UVec2::new(9, 8)), UVec2::new(2, 1));
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_count(size: UVec2) -> UVec2 {
@@ -138,6 +203,13 @@ pub fn tiles_count(size: UVec2) -> UVec2 {
 
 /// The place of a tile by its index, row by row; `across` is the number of
 /// tiles in a row, at least 1. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::tiles_at;
+///
+/// assert_eq!(tiles_at(241, 240), UVec2::new(1, 1));
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_at(index: u32, across: u32) -> UVec2 {
@@ -147,6 +219,14 @@ pub fn tiles_at(index: u32, across: u32) -> UVec2 {
 
 /// How many tiles to either side hold whatever lies within a reach in pixels.
 /// Exact.
+///
+/// ```
+/// use raytwin_cpu::filter::tiles::tiles_reach;
+///
+/// assert_eq!(tiles_reach(0), 0);
+/// assert_eq!(tiles_reach(8), 1);
+/// assert_eq!(tiles_reach(9), 2);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_reach(pixels: u32) -> u32 {
@@ -159,6 +239,13 @@ pub fn tiles_reach(pixels: u32) -> u32 {
 /// The 3 × 3 mean of variances adds nothing: it changes weights, and weights do
 /// not matter where all values are the same. Where `svgf_variance_pixel` runs
 /// before, add 3 for its 7 × 7. At most 2 and 16 count, as there. Exact.
+///
+/// ```
+/// use raytwin_cpu::filter::tiles::tiles_atrous_reach;
+///
+/// // 2 (1 + 2 + 4 + 8 + 16)
+/// assert_eq!(tiles_atrous_reach(2, 5), 62);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_atrous_reach(radius: u32, passes: u32) -> u32 {
@@ -169,6 +256,19 @@ pub fn tiles_atrous_reach(radius: u32, passes: u32) -> u32 {
 ///
 /// `read_pixel(at)` gives a pixel's flags and is only called inside the image.
 /// In WGSL it is a function that the program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_DARK, TILES_LIT, TILES_MIXED, tiles_flags,
+/// };
+///
+/// // A shadow's edge runs through the second tile.
+/// let read = |at: UVec2| if at.x < 12 { TILES_LIT } else { TILES_DARK };
+/// let size = UVec2::new(32, 8);
+/// assert_eq!(tiles_flags(UVec2::new(0, 0), size, read), TILES_LIT);
+/// assert_eq!(tiles_flags(UVec2::new(1, 0), size, read), TILES_MIXED);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_flags<R>(tile: UVec2, size: UVec2, read_pixel: R) -> u32
@@ -199,6 +299,25 @@ where
 ///
 /// `read(tile)` gives a tile's flags and is only called for tiles of the image.
 /// In WGSL it is a function that the program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_DARK, TILES_LIT, TILES_MIXED, tiles_horizontal,
+/// };
+///
+/// // One dark tile at x = 5; a reach of two tiles sees it from x = 3 on.
+/// let read = |tile: UVec2| if tile.x == 5 { TILES_DARK } else { TILES_LIT };
+/// let tiles = UVec2::new(10, 1);
+/// assert_eq!(
+///     tiles_horizontal(UVec2::new(2, 0), tiles, 2, read),
+///     TILES_LIT
+/// );
+/// assert_eq!(
+///     tiles_horizontal(UVec2::new(3, 0), tiles, 2, read),
+///     TILES_MIXED
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_horizontal<R>(tile: UVec2, tiles: UVec2, reach: u32, read: R) -> u32
@@ -223,6 +342,18 @@ where
 ///
 /// `read_row(tile)` gives what [`tiles_horizontal`] gave. In WGSL it is a
 /// function that the program defines.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_DARK, TILES_LIT, TILES_MIXED, tiles_vertical,
+/// };
+///
+/// let row = |tile: UVec2| if tile.y == 5 { TILES_DARK } else { TILES_LIT };
+/// let tiles = UVec2::new(1, 10);
+/// assert_eq!(tiles_vertical(UVec2::new(0, 2), tiles, 2, row), TILES_LIT);
+/// assert_eq!(tiles_vertical(UVec2::new(0, 3), tiles, 2, row), TILES_MIXED);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_vertical<R>(tile: UVec2, tiles: UVec2, reach: u32, read_row: R) -> u32
@@ -245,6 +376,17 @@ where
 /// 1 if a tile is to be filtered, else 0: if it holds anything that the filter
 /// may change (`own` flags), and there are both lit and dark pixels, or others,
 /// as far `around` it as the filter reaches. Exact.
+///
+/// ```
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_LIT, TILES_MIXED, TILES_NONE, tiles_needed,
+/// };
+///
+/// // Lit, but a shadow is within reach; lit far and wide; nothing to filter.
+/// assert_eq!(tiles_needed(TILES_LIT, TILES_MIXED), 1);
+/// assert_eq!(tiles_needed(TILES_LIT, TILES_LIT), 0);
+/// assert_eq!(tiles_needed(TILES_NONE, TILES_MIXED), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_needed(own: u32, around: u32) -> u32 {
@@ -259,6 +401,19 @@ pub fn tiles_needed(own: u32, around: u32) -> u32 {
 ///
 /// A list that is too short is not used: all tiles are filtered, which gives
 /// the same image later. At most 2^24 - 256 tiles can be dispatched. Exact.
+///
+/// ```
+/// use glam::UVec3;
+/// use raytwin_cpu::filter::tiles::tiles_dispatch;
+///
+/// let dispatch = tiles_dispatch(1000, 2000, 8160);
+/// assert_eq!(
+///     (dispatch.groups, dispatch.count),
+///     (UVec3::new(256, 4, 1), 1000)
+/// );
+/// // More than the list holds: all tiles.
+/// assert_eq!(tiles_dispatch(3000, 2000, 8160).count, 8160);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_dispatch(count: u32, capacity: u32, tiles: u32) -> TilesDispatch {
@@ -274,6 +429,13 @@ pub fn tiles_dispatch(count: u32, capacity: u32, tiles: u32) -> TilesDispatch {
 
 /// The place in the list that a workgroup of [`tiles_dispatch`] works on; those
 /// at or beyond `count` have none. Exact.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::{TILES_ROW, tiles_slot};
+///
+/// assert_eq!(tiles_slot(UVec2::new(3, 2)), 2 * TILES_ROW + 3);
+/// ```
 #[inline]
 #[must_use]
 pub fn tiles_slot(group: UVec2) -> u32 {
