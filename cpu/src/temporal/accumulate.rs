@@ -28,6 +28,15 @@ pub const TEMPORAL_ACCUMULATE_LARGEST_VARIANCE: f32 = 4e30;
 pub const TEMPORAL_ACCUMULATE_LONGEST: f32 = 16777216.0;
 
 /// What is known of a scalar (shadow, ambient occlusion).
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_EMPTY, temporal_accumulate_step,
+/// };
+///
+/// let state = temporal_accumulate_step(TEMPORAL_ACCUMULATE_EMPTY, 0.5, 32.0);
+/// assert_eq!((state.mean, state.variance, state.history), (0.5, 0.0, 1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct TemporalAccumulateState {
@@ -40,6 +49,18 @@ pub struct TemporalAccumulateState {
 }
 
 /// What is known of a colour.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_RGB_EMPTY, temporal_accumulate_rgb_step,
+/// };
+///
+/// let red = Vec3::new(1.0, 0.0, 0.0);
+/// let state =
+///     temporal_accumulate_rgb_step(TEMPORAL_ACCUMULATE_RGB_EMPTY, red, 32.0, 5.0);
+/// assert_eq!((state.color, state.history), (red, 1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct TemporalAccumulateRgbState {
@@ -72,6 +93,21 @@ pub const TEMPORAL_ACCUMULATE_RGB_EMPTY: TemporalAccumulateRgbState = TemporalAc
 /// 1 if the magnitude of `value` is at most `largest`, a finite number `>= 0`;
 /// 0 if it is larger, infinite or NaN. Compares bit patterns, so no
 /// implementation may fold it away. Exact.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_LARGEST, temporal_accumulate_usable,
+/// };
+///
+/// assert_eq!(
+///     temporal_accumulate_usable(-3.0, TEMPORAL_ACCUMULATE_LARGEST),
+///     1
+/// );
+/// assert_eq!(
+///     temporal_accumulate_usable(f32::NAN, TEMPORAL_ACCUMULATE_LARGEST),
+///     0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_usable(value: f32, largest: f32) -> u32 {
@@ -85,6 +121,14 @@ pub fn temporal_accumulate_usable(value: f32, largest: f32) -> u32 {
 /// nothing) counts as 0. `cap` below 1 counts as 1.
 ///
 /// Error analysis: one sum, exact for whole numbers.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_history;
+///
+/// assert_eq!(temporal_accumulate_history(0.0, 32.0), 1.0);
+/// assert_eq!(temporal_accumulate_history(7.0, 32.0), 8.0);
+/// assert_eq!(temporal_accumulate_history(32.0, 32.0), 32.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_history(history: f32, cap: f32) -> f32 {
@@ -101,6 +145,15 @@ pub fn temporal_accumulate_history(history: f32, cap: f32) -> f32 {
 /// be less than 1, and the first sample would not replace what was there.
 ///
 /// Error analysis: one quotient.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_alpha;
+///
+/// assert_eq!(temporal_accumulate_alpha(1.0, 32.0), 1.0);
+/// assert_eq!(temporal_accumulate_alpha(4.0, 32.0), 0.25);
+/// // SVGF's least weight of 0.2.
+/// assert_eq!(temporal_accumulate_alpha(100.0, 5.0), 0.2);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_alpha(history: f32, cap: f32) -> f32 {
@@ -122,6 +175,14 @@ pub fn temporal_accumulate_alpha(history: f32, cap: f32) -> f32 {
 /// different signs the sum may cancel; the error is then that of the larger.
 /// In the order written the clamp never acts; it holds where a driver
 /// rearranges the sum.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_mean;
+///
+/// assert_eq!(temporal_accumulate_mean(1.0, 2.0, 0.25), 1.25);
+/// // The first sample replaces whatever was there.
+/// assert_eq!(temporal_accumulate_mean(f32::NAN, 2.0, 1.0), 2.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_mean(mean: f32, sample: f32, alpha: f32) -> f32 {
@@ -145,6 +206,14 @@ pub fn temporal_accumulate_mean(mean: f32, sample: f32, alpha: f32) -> f32 {
 /// variance was.
 ///
 /// Error analysis: products and a sum of positive terms, at most 3.25 ULP.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_variance;
+///
+/// // Two samples, 2 apart: each is 1 away from their mean.
+/// assert_eq!(temporal_accumulate_variance(0.0, 2.0, 0.5), 1.0);
+/// assert_eq!(temporal_accumulate_variance(0.0, 0.0, 0.5), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_variance(variance: f32, difference: f32, alpha: f32) -> f32 {
@@ -156,6 +225,20 @@ pub fn temporal_accumulate_variance(variance: f32, difference: f32, alpha: f32) 
 
 /// The history as it may be used: [`TEMPORAL_ACCUMULATE_EMPTY`] if a member is
 /// NaN, infinite or too large, and a negative variance or length as 0. Exact.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_EMPTY, TemporalAccumulateState,
+///     temporal_accumulate_guard,
+/// };
+///
+/// let broken = TemporalAccumulateState {
+///     mean: f32::NAN,
+///     variance: 0.1,
+///     history: 9.0,
+/// };
+/// assert_eq!(temporal_accumulate_guard(broken), TEMPORAL_ACCUMULATE_EMPTY);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_guard(state: TemporalAccumulateState) -> TemporalAccumulateState {
@@ -180,6 +263,20 @@ pub fn temporal_accumulate_guard(state: TemporalAccumulateState) -> TemporalAccu
 ///
 /// Error analysis: the weight errs by one quotient, which moves the mean by
 /// less than its own rounding does. All relative for samples of one sign.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_EMPTY, temporal_accumulate_step,
+/// };
+///
+/// let mut state = TEMPORAL_ACCUMULATE_EMPTY;
+/// for sample in [1.0, 0.0, f32::NAN, 0.0, 1.0] {
+///     state = temporal_accumulate_step(state, sample, 32.0);
+/// }
+/// // The four numbers' mean and variance; the NaN did no harm.
+/// assert_eq!(state.history, 4.0);
+/// assert!((state.mean - 0.5).abs() < 1e-6 && (state.variance - 0.25).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_step(
@@ -202,6 +299,22 @@ pub fn temporal_accumulate_step(
 }
 
 /// As [`temporal_accumulate_guard`], for a colour.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_RGB_EMPTY, TemporalAccumulateRgbState,
+///     temporal_accumulate_rgb_guard,
+/// };
+///
+/// let broken = TemporalAccumulateRgbState {
+///     history: f32::INFINITY,
+///     ..TEMPORAL_ACCUMULATE_RGB_EMPTY
+/// };
+/// assert_eq!(
+///     temporal_accumulate_rgb_guard(broken),
+///     TEMPORAL_ACCUMULATE_RGB_EMPTY
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_rgb_guard(
@@ -233,6 +346,20 @@ pub fn temporal_accumulate_rgb_guard(
 /// Error analysis: the colour as there. The luminance errs by 2 ULP before its
 /// distance from the mean is taken, so the variance's error is absolute: a few
 /// ULP of the squared luminance.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::accumulate::{
+///     TEMPORAL_ACCUMULATE_RGB_EMPTY, temporal_accumulate_rgb_step,
+/// };
+///
+/// let mut state = TEMPORAL_ACCUMULATE_RGB_EMPTY;
+/// for sample in [Vec3::ONE, Vec3::ZERO] {
+///     state = temporal_accumulate_rgb_step(state, sample, 32.0, 5.0);
+/// }
+/// assert_eq!(state.color, Vec3::splat(0.5));
+/// assert!((state.variance - 0.25).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_rgb_step(
@@ -272,6 +399,13 @@ pub fn temporal_accumulate_rgb_step(
 /// With `alpha` = 1/h it is 1/h; at a fixed `alpha` it tends to `α/(2 - α)`.
 ///
 /// Error analysis: products and a sum of positive terms.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_squares;
+///
+/// // Two samples, half each: as good as two.
+/// assert_eq!(1.0 / temporal_accumulate_squares(1.0, 0.5), 2.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_squares(squares: f32, alpha: f32) -> f32 {
@@ -286,6 +420,17 @@ pub fn temporal_accumulate_squares(squares: f32, alpha: f32) -> f32 {
 /// 0 where `squares` is 1 or more: one sample says nothing of its error.
 ///
 /// Error analysis: a difference of two exact numbers and a quotient.
+///
+/// ```
+/// use raytwin_cpu::temporal::accumulate::{
+///     temporal_accumulate_squares, temporal_accumulate_unbiased,
+/// };
+///
+/// // Two samples, 2 apart, have a variance of 1 about their mean; unbiased, 2.
+/// let squares = temporal_accumulate_squares(1.0, 0.5);
+/// assert_eq!(temporal_accumulate_unbiased(1.0, squares), 2.0);
+/// assert_eq!(temporal_accumulate_unbiased(1.0, 1.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_unbiased(variance: f32, squares: f32) -> f32 {
@@ -299,6 +444,15 @@ pub fn temporal_accumulate_unbiased(variance: f32, squares: f32) -> f32 {
 /// weight `alpha` in `[0, 1]` added. What others use, to compare with.
 ///
 /// Error analysis: as [`temporal_accumulate_mean`], and one product.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_plain_moments;
+///
+/// let first = temporal_accumulate_plain_moments(Vec2::ZERO, 1.0, 1.0);
+/// let both = temporal_accumulate_plain_moments(first, 3.0, 0.5);
+/// assert_eq!(both, Vec2::new(2.0, 5.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_plain_moments(moments: Vec2, sample: f32, alpha: f32) -> Vec2 {
@@ -313,6 +467,18 @@ pub fn temporal_accumulate_plain_moments(moments: Vec2, sample: f32, alpha: f32)
 ///
 /// Error analysis: the difference errs by an ULP or two of `E[x²]`, however
 /// small the variance is.
+///
+/// ```
+/// use glam::Vec2;
+/// use raytwin_cpu::temporal::accumulate::temporal_accumulate_plain_variance;
+///
+/// assert_eq!(temporal_accumulate_plain_variance(Vec2::new(2.0, 5.0)), 1.0);
+/// // A variance of 1 about a mean of 10000 is lost.
+/// assert_eq!(
+///     temporal_accumulate_plain_variance(Vec2::new(1e4, 1e8 + 1.0)),
+///     0.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn temporal_accumulate_plain_variance(moments: Vec2) -> f32 {

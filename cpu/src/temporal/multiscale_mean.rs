@@ -65,6 +65,20 @@ const LEAST: f32 = f32::MIN_POSITIVE;
 
 /// What the printed estimator knows of a number. The chapter starts from
 /// zeros, [`MULTISCALE_MEAN_EMPTY`].
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_EMPTY, MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_step,
+/// };
+///
+/// let state = multiscale_mean_step(
+///     MULTISCALE_MEAN_EMPTY,
+///     1.0,
+///     MULTISCALE_MEAN_SHORT_BLEND,
+/// );
+/// // It starts from zeros: after a frame only the short average has moved.
+/// assert!(state.mean == 0.0 && state.short_mean > 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct MultiscaleMeanState {
@@ -81,6 +95,21 @@ pub struct MultiscaleMeanState {
 }
 
 /// What the printed estimator knows of a colour.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_RGB_EMPTY, MULTISCALE_MEAN_SHORT_BLEND,
+///     multiscale_mean_rgb_step,
+/// };
+///
+/// let state = multiscale_mean_rgb_step(
+///     MULTISCALE_MEAN_RGB_EMPTY,
+///     Vec3::X,
+///     MULTISCALE_MEAN_SHORT_BLEND,
+/// );
+/// assert!(state.short_mean.x > 0.0 && state.short_mean.y == 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct MultiscaleMeanRgbState {
@@ -98,6 +127,22 @@ pub struct MultiscaleMeanRgbState {
 
 /// What the robust estimator knows of a number;
 /// [`multiscale_mean_robust_value`] is its answer.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_LONGEST, MULTISCALE_MEAN_ROBUST_EMPTY,
+///     MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_robust_step,
+/// };
+///
+/// let state = multiscale_mean_robust_step(
+///     MULTISCALE_MEAN_ROBUST_EMPTY,
+///     1.0,
+///     MULTISCALE_MEAN_SHORT_BLEND,
+///     MULTISCALE_MEAN_LONGEST,
+/// );
+/// // The first sample is the first answer.
+/// assert_eq!((state.mean, state.length, state.age), (1.0, 1.0, 1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct MultiscaleMeanRobustState {
@@ -118,6 +163,22 @@ pub struct MultiscaleMeanRobustState {
 }
 
 /// What the robust estimator knows of a colour.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_LONGEST, MULTISCALE_MEAN_ROBUST_RGB_EMPTY,
+///     MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_robust_rgb_step,
+/// };
+///
+/// let state = multiscale_mean_robust_rgb_step(
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY,
+///     Vec3::X,
+///     MULTISCALE_MEAN_SHORT_BLEND,
+///     MULTISCALE_MEAN_LONGEST,
+/// );
+/// assert_eq!((state.mean, state.age), (Vec3::X, 1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct MultiscaleMeanRobustRgbState {
@@ -139,6 +200,17 @@ pub struct MultiscaleMeanRobustRgbState {
 
 /// A colour's state in 40 bytes: [`multiscale_mean_robust_rgb_pack`]. Zeros are
 /// [`MULTISCALE_MEAN_ROBUST_RGB_EMPTY`].
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY, MultiscaleMeanRobustRgbPacked,
+///     multiscale_mean_robust_rgb_pack,
+/// };
+///
+/// let none = multiscale_mean_robust_rgb_pack(MULTISCALE_MEAN_ROBUST_RGB_EMPTY);
+/// assert_eq!(none, MultiscaleMeanRobustRgbPacked::default());
+/// assert_eq!(std::mem::size_of_val(&none), 40);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct MultiscaleMeanRobustRgbPacked {
@@ -342,6 +414,14 @@ fn smooth(x: f32) -> f32 {
 ///
 /// Error analysis: the slope of the smoothstep is at most 1.5 and its argument
 /// errs by 2 ULP; `i - 0.2` cancels only where 0.02 is larger.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::multiscale_mean_blend;
+///
+/// // Still: the least weight. Apart, and so for some frames: large steps.
+/// assert_eq!(multiscale_mean_blend(0.0, 0.0), 1.0 / 256.0);
+/// assert_eq!(multiscale_mean_blend(2.0, 2.0), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
@@ -358,6 +438,13 @@ pub fn multiscale_mean_blend(relative: f32, inconsistency: f32) -> f32 {
 ///
 /// Error analysis: as [`multiscale_mean_blend`]; where `i - 17/8` cancels it is
 /// exact.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::multiscale_mean_robust_blend;
+///
+/// assert_eq!(multiscale_mean_robust_blend(0.8, 0.8, 1.0), 0.0);
+/// assert!(multiscale_mean_robust_blend(4.0, 4.0, 1.0) > 0.9);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_blend(relative: f32, inconsistency: f32, reduction: f32) -> f32 {
@@ -413,6 +500,18 @@ fn printed_step<V: Signal>(state: Printed<V>, sample: V, short_blend: f32) -> Pr
 /// Error analysis: `relative` divides a difference by a deviation of 1/316 or
 /// more: its error is that of the averages over the deviation, and all else
 /// follows it with slopes of order one.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_EMPTY, MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_step,
+/// };
+///
+/// let mut state = MULTISCALE_MEAN_EMPTY;
+/// for _ in 0..200 {
+///     state = multiscale_mean_step(state, 0.5, MULTISCALE_MEAN_SHORT_BLEND);
+/// }
+/// assert!((state.mean - 0.5).abs() < 0.05);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_step(
@@ -426,6 +525,21 @@ pub fn multiscale_mean_step(
 /// As [`multiscale_mean_step`], for a colour: one weight for all channels.
 ///
 /// Error analysis: as there.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_RGB_EMPTY, MULTISCALE_MEAN_SHORT_BLEND,
+///     multiscale_mean_rgb_step,
+/// };
+///
+/// let color = Vec3::new(0.5, 0.2, 0.1);
+/// let mut state = MULTISCALE_MEAN_RGB_EMPTY;
+/// for _ in 0..200 {
+///     state = multiscale_mean_rgb_step(state, color, MULTISCALE_MEAN_SHORT_BLEND);
+/// }
+/// assert!((state.mean - color).length() < 0.1);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_rgb_step(
@@ -558,6 +672,27 @@ fn robust_step<V: Signal>(
 /// deviation. The weight follows it with a slope of 1.5 times the inconsistency;
 /// every average is a blend of two numbers and adds less than 2 ULP of the
 /// larger.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_LONGEST, MULTISCALE_MEAN_ROBUST_EMPTY,
+///     MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_robust_step,
+///     multiscale_mean_robust_value,
+/// };
+///
+/// let mut state = MULTISCALE_MEAN_ROBUST_EMPTY;
+/// for frame in 0..100 {
+///     // Sparse light: one hit of 100 in 10 frames, 10 on average.
+///     let sample = if frame % 10 == 9 { 100.0 } else { 0.0 };
+///     state = multiscale_mean_robust_step(
+///         state,
+///         sample,
+///         MULTISCALE_MEAN_SHORT_BLEND,
+///         MULTISCALE_MEAN_LONGEST,
+///     );
+/// }
+/// assert!((multiscale_mean_robust_value(state) - 10.0).abs() < 3.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_step(
@@ -574,6 +709,28 @@ pub fn multiscale_mean_robust_step(
 /// channels. A colour with one bad channel is left out whole.
 ///
 /// Error analysis: as there.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_LONGEST, MULTISCALE_MEAN_ROBUST_RGB_EMPTY,
+///     MULTISCALE_MEAN_SHORT_BLEND, multiscale_mean_robust_rgb_step,
+///     multiscale_mean_robust_rgb_value,
+/// };
+///
+/// // A constant gives exactly that constant.
+/// let color = Vec3::new(0.5, 0.2, 0.1);
+/// let mut state = MULTISCALE_MEAN_ROBUST_RGB_EMPTY;
+/// for _ in 0..50 {
+///     state = multiscale_mean_robust_rgb_step(
+///         state,
+///         color,
+///         MULTISCALE_MEAN_SHORT_BLEND,
+///         MULTISCALE_MEAN_LONGEST,
+///     );
+/// }
+/// assert_eq!(multiscale_mean_robust_rgb_value(state), color);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_rgb_step(
@@ -589,6 +746,23 @@ pub fn multiscale_mean_robust_rgb_step(
 /// The state as it may be used: [`MULTISCALE_MEAN_ROBUST_EMPTY`] if a member is
 /// NaN, infinite or too large; members below 0 that cannot be count as 0.
 /// Exact.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_EMPTY, MultiscaleMeanRobustState,
+///     multiscale_mean_robust_guard,
+/// };
+///
+/// let broken = MultiscaleMeanRobustState {
+///     mean: f32::NAN,
+///     age: 9.0,
+///     ..MULTISCALE_MEAN_ROBUST_EMPTY
+/// };
+/// assert_eq!(
+///     multiscale_mean_robust_guard(broken),
+///     MULTISCALE_MEAN_ROBUST_EMPTY
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_guard(state: MultiscaleMeanRobustState) -> MultiscaleMeanRobustState {
@@ -597,6 +771,22 @@ pub fn multiscale_mean_robust_guard(state: MultiscaleMeanRobustState) -> Multisc
 }
 
 /// As [`multiscale_mean_robust_guard`], for a colour. Exact.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY, MultiscaleMeanRobustRgbState,
+///     multiscale_mean_robust_rgb_guard,
+/// };
+///
+/// let broken = MultiscaleMeanRobustRgbState {
+///     length: f32::INFINITY,
+///     ..MULTISCALE_MEAN_ROBUST_RGB_EMPTY
+/// };
+/// assert_eq!(
+///     multiscale_mean_robust_rgb_guard(broken),
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_rgb_guard(
@@ -609,6 +799,20 @@ pub fn multiscale_mean_robust_rgb_guard(
 /// The robust estimator's answer: the mean with what was cut off.
 ///
 /// Error analysis: one sum.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_EMPTY, MultiscaleMeanRobustState,
+///     multiscale_mean_robust_value,
+/// };
+///
+/// let state = MultiscaleMeanRobustState {
+///     mean: 1.0,
+///     excess: 0.25,
+///     ..MULTISCALE_MEAN_ROBUST_EMPTY
+/// };
+/// assert_eq!(multiscale_mean_robust_value(state), 1.25);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_value(state: MultiscaleMeanRobustState) -> f32 {
@@ -618,6 +822,24 @@ pub fn multiscale_mean_robust_value(state: MultiscaleMeanRobustState) -> f32 {
 /// As [`multiscale_mean_robust_value`], for a colour.
 ///
 /// Error analysis: one sum a channel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY, MultiscaleMeanRobustRgbState,
+///     multiscale_mean_robust_rgb_value,
+/// };
+///
+/// let state = MultiscaleMeanRobustRgbState {
+///     mean: Vec3::ONE,
+///     excess: Vec3::X,
+///     ..MULTISCALE_MEAN_ROBUST_RGB_EMPTY
+/// };
+/// assert_eq!(
+///     multiscale_mean_robust_rgb_value(state),
+///     Vec3::new(2.0, 1.0, 1.0)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_rgb_value(state: MultiscaleMeanRobustRgbState) -> Vec3 {
@@ -629,6 +851,14 @@ pub fn multiscale_mean_robust_rgb_value(state: MultiscaleMeanRobustRgbState) -> 
 ///
 /// Error analysis: at most 2^-8 of the number. Exact in that the twins agree:
 /// integers alone.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::multiscale_mean_upper_half;
+///
+/// assert_eq!(multiscale_mean_upper_half(1.0), 0x3f80);
+/// // Eight bits of significand: 1 + 1/1024 is rounded to 1.
+/// assert_eq!(multiscale_mean_upper_half(1.0 + 1.0 / 1024.0), 0x3f80);
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_upper_half(x: f32) -> u32 {
@@ -680,6 +910,19 @@ fn count(word: u32) -> f32 {
 /// Error analysis: 2^-8 of each number, of the distance for the short average;
 /// 2^-16 of what was cut off, whose average moves by 1/256 a frame and would
 /// stall in fewer bits. A state that holds no numbers is packed as none.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_EMPTY, multiscale_mean_robust_pack,
+///     multiscale_mean_robust_step, multiscale_mean_robust_unpack,
+/// };
+///
+/// let state =
+///     multiscale_mean_robust_step(MULTISCALE_MEAN_ROBUST_EMPTY, 0.3, 0.08, 256.0);
+/// // The mean keeps all of its bits.
+/// let back = multiscale_mean_robust_unpack(multiscale_mean_robust_pack(state));
+/// assert_eq!((back.mean, back.age), (state.mean, state.age));
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_pack(state: MultiscaleMeanRobustState) -> UVec4 {
@@ -696,6 +939,18 @@ pub fn multiscale_mean_robust_pack(state: MultiscaleMeanRobustState) -> UVec4 {
 /// words one that may hold no numbers.
 ///
 /// Error analysis: one sum, for the short average.
+///
+/// ```
+/// use glam::UVec4;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_EMPTY, multiscale_mean_robust_unpack,
+/// };
+///
+/// assert_eq!(
+///     multiscale_mean_robust_unpack(UVec4::ZERO),
+///     MULTISCALE_MEAN_ROBUST_EMPTY
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_unpack(words: UVec4) -> MultiscaleMeanRobustState {
@@ -714,6 +969,25 @@ pub fn multiscale_mean_robust_unpack(words: UVec4) -> MultiscaleMeanRobustState 
 /// As [`multiscale_mean_robust_pack`], for a colour: 40 bytes of 60.
 ///
 /// Error analysis: as there.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY, multiscale_mean_robust_rgb_pack,
+///     multiscale_mean_robust_rgb_step, multiscale_mean_robust_rgb_unpack,
+/// };
+///
+/// let color = Vec3::new(0.5, 0.2, 0.1);
+/// let state = multiscale_mean_robust_rgb_step(
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY,
+///     color,
+///     0.08,
+///     256.0,
+/// );
+/// let back =
+///     multiscale_mean_robust_rgb_unpack(multiscale_mean_robust_rgb_pack(state));
+/// assert_eq!((back.mean, back.age), (color, 1.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_rgb_pack(
@@ -738,6 +1012,19 @@ pub fn multiscale_mean_robust_rgb_pack(
 /// As [`multiscale_mean_robust_unpack`], for a colour.
 ///
 /// Error analysis: as there.
+///
+/// ```
+/// use raytwin_cpu::temporal::multiscale_mean::{
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY, MultiscaleMeanRobustRgbPacked,
+///     multiscale_mean_robust_rgb_unpack,
+/// };
+///
+/// let zeros = MultiscaleMeanRobustRgbPacked::default();
+/// assert_eq!(
+///     multiscale_mean_robust_rgb_unpack(zeros),
+///     MULTISCALE_MEAN_ROBUST_RGB_EMPTY
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn multiscale_mean_robust_rgb_unpack(

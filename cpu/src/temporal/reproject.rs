@@ -46,6 +46,22 @@ pub const REPROJECT_TOLERANCE: ReprojectTolerance = ReprojectTolerance {
 };
 
 /// What a G-buffer knows of a pixel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::{
+///     REPROJECT_TOLERANCE, ReprojectSurface, reproject_matches,
+/// };
+///
+/// let floor = ReprojectSurface {
+///     position: Vec3::ZERO,
+///     depth: 5.0,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// // A surface is what it is expected to be, if it has not changed.
+/// assert_eq!(reproject_matches(floor, 0.0, floor, REPROJECT_TOLERANCE), 1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectSurface {
@@ -60,6 +76,34 @@ pub struct ReprojectSurface {
 }
 
 /// How far a texel may be from the surface that should be there.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::{
+///     REPROJECT_TOLERANCE, ReprojectSurface, ReprojectTolerance, reproject_matches,
+/// };
+///
+/// let floor = ReprojectSurface {
+///     position: Vec3::ZERO,
+///     depth: 5.0,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// let raised = ReprojectSurface {
+///     position: Vec3::new(0.0, 0.1, 0.0),
+///     ..floor
+/// };
+/// // A step of 2 % of the depth: too far by the usual limits.
+/// assert_eq!(
+///     reproject_matches(floor, 0.0, raised, REPROJECT_TOLERANCE),
+///     0
+/// );
+/// let loose = ReprojectTolerance {
+///     plane: 0.05,
+///     normal: 0.5,
+/// };
+/// assert_eq!(reproject_matches(floor, 0.0, raised, loose), 1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectTolerance {
@@ -75,6 +119,16 @@ pub struct ReprojectTolerance {
 /// Texel `3j + i` of `0..9` lies at `corner + (i, j)` and weighs
 /// `across[i]·down[j]`, if its bit in `valid` is set; [`reproject_tap`] gives
 /// both.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::temporal::reproject::reproject_footprint;
+///
+/// // Outside of the image nothing counts.
+/// let outside =
+///     reproject_footprint(UVec2::ZERO, UVec2::splat(8), Vec2::new(-3.0, 0.0));
+/// assert_eq!(outside.valid, 0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectTaps {
@@ -97,6 +151,15 @@ pub const REPROJECT_NO_TAPS: ReprojectTaps = ReprojectTaps {
 };
 
 /// A texel and its weight.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::temporal::reproject::{reproject_footprint, reproject_tap};
+///
+/// let taps = reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::ZERO);
+/// let tap = reproject_tap(taps, 0);
+/// assert_eq!((tap.at, tap.weight), (UVec2::splat(4), 1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectTap {
@@ -107,6 +170,21 @@ pub struct ReprojectTap {
 }
 
 /// What has been gathered over the frames before, of one or several channels.
+///
+/// ```
+/// use raytwin_cpu::temporal::reproject::{ReprojectHistory, reproject_blend};
+///
+/// let none = ReprojectHistory {
+///     value: 0.0,
+///     length: 0.0,
+/// };
+/// let some = ReprojectHistory {
+///     value: 0.5,
+///     length: 8.0,
+/// };
+/// // Where one has no history, the other counts alone.
+/// assert_eq!(reproject_blend(none, some, 0.1), some);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectHistory<V> {
@@ -117,6 +195,18 @@ pub struct ReprojectHistory<V> {
 }
 
 /// How position and normal change over a surface, along one direction.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::{ReprojectBend, reproject_curvature};
+///
+/// // Two points of a sphere of radius 2.
+/// let bend = ReprojectBend {
+///     along: Vec3::new(2.0, 0.0, -2.0),
+///     turn: Vec3::new(1.0, 0.0, -1.0),
+/// };
+/// assert_eq!(reproject_curvature(bend.along, bend.turn), 0.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ReprojectBend {
@@ -128,22 +218,76 @@ pub struct ReprojectBend {
 
 /// What a history may hold: a scalar or two to four channels, finite and of
 /// either sign. In WGSL it is an alias that the program declares.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::ReprojectValue;
+///
+/// // Mean of two colours, as a history of any number of channels takes it.
+/// fn mean<V: ReprojectValue>(a: V, b: V) -> V {
+///     V::NOTHING.plus(a, 0.5).plus(b, 0.5)
+/// }
+/// assert_eq!(mean(Vec3::X, Vec3::Y), Vec3::new(0.5, 0.5, 0.0));
+/// assert_eq!(mean(1.0, 2.0), 1.5);
+/// ```
 pub trait ReprojectValue: Copy {
     /// Zero in each channel.
     const NOTHING: Self;
     /// `self·weight`.
+    ///
+    /// ```
+    /// use glam::Vec2;
+    /// use raytwin_cpu::temporal::reproject::ReprojectValue;
+    ///
+    /// assert_eq!(
+    ///     ReprojectValue::times(Vec2::new(1.0, 2.0), 3.0),
+    ///     Vec2::new(3.0, 6.0)
+    /// );
+    /// ```
     #[must_use]
     fn times(self, weight: f32) -> Self;
     /// `self + other·weight`.
+    ///
+    /// ```
+    /// use raytwin_cpu::temporal::reproject::ReprojectValue;
+    ///
+    /// assert_eq!(ReprojectValue::plus(1.0, 4.0, 0.5), 3.0);
+    /// ```
     #[must_use]
     fn plus(self, other: Self, weight: f32) -> Self;
     /// `self / weight`.
+    ///
+    /// ```
+    /// use glam::Vec2;
+    /// use raytwin_cpu::temporal::reproject::ReprojectValue;
+    ///
+    /// assert_eq!(
+    ///     ReprojectValue::over(Vec2::new(1.0, 2.0), 2.0),
+    ///     Vec2::new(0.5, 1.0)
+    /// );
+    /// ```
     #[must_use]
     fn over(self, weight: f32) -> Self;
     /// The smaller one, channel by channel.
+    ///
+    /// ```
+    /// use glam::Vec2;
+    /// use raytwin_cpu::temporal::reproject::ReprojectValue;
+    ///
+    /// let (a, b) = (Vec2::new(1.0, 4.0), Vec2::new(3.0, 2.0));
+    /// assert_eq!(ReprojectValue::least(a, b), Vec2::new(1.0, 2.0));
+    /// ```
     #[must_use]
     fn least(self, other: Self) -> Self;
     /// The larger one, channel by channel.
+    ///
+    /// ```
+    /// use glam::Vec2;
+    /// use raytwin_cpu::temporal::reproject::ReprojectValue;
+    ///
+    /// let (a, b) = (Vec2::new(1.0, 4.0), Vec2::new(3.0, 2.0));
+    /// assert_eq!(ReprojectValue::most(a, b), Vec2::new(3.0, 4.0));
+    /// ```
     #[must_use]
     fn most(self, other: Self) -> Self;
 }
@@ -193,6 +337,27 @@ reproject_value!(
 /// Error analysis: three triple products, each a sum that may cancel, so the
 /// error is that of `|point - eye|` times the length of the reciprocal axis,
 /// over the depth: an ULP of the image's width for points inside the image.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::{Camera, camera_position_from_depth};
+/// use raytwin_cpu::temporal::reproject::reproject_project;
+///
+/// let camera = Camera {
+///     origin: Vec3::ZERO,
+///     right: 2.0 * Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
+/// };
+/// // Straight ahead is the image's middle; back from there, the point.
+/// let seen = reproject_project(Vec3::new(0.0, 0.0, -5.0), camera);
+/// assert!((seen - Vec3::new(320.0, 160.0, 5.0)).length() < 1e-3);
+/// let point = Vec3::new(3.0, 1.0, -5.0);
+/// let seen = reproject_project(point, camera);
+/// let back = camera_position_from_depth(Vec2::new(seen.x, seen.y), seen.z, camera);
+/// assert!((back - point).length() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_project(point: Vec3, camera: Camera) -> Vec3 {
@@ -235,6 +400,28 @@ fn reproject_still(point: Vec3, prior_point: Vec3, camera: Camera, prior: Camera
 /// the other behind.
 ///
 /// Error analysis: the difference of two [`reproject_project`].
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::Camera;
+/// use raytwin_cpu::temporal::reproject::reproject_motion;
+///
+/// let now = Camera {
+///     origin: Vec3::ZERO,
+///     right: 2.0 * Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
+/// };
+/// // The eye has moved to the left, so then the point was more to the left.
+/// let before = Camera {
+///     origin: Vec3::X,
+///     ..now
+/// };
+/// let point = Vec3::new(0.0, 0.0, -5.0);
+/// assert!((reproject_motion(point, point, now, before).x + 32.0).abs() < 1e-3);
+/// assert_eq!(reproject_motion(point, point, now, now), Vec2::ZERO);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_motion(
@@ -265,6 +452,17 @@ pub fn reproject_motion(
 ///
 /// Error analysis: a dot product that may cancel over a sum of squares. Noise
 /// `ε` in the normals gives `ε/|along|`.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::reproject_curvature;
+///
+/// // From +z to +x of a sphere of radius 2 with centre 0.
+/// let along = Vec3::new(2.0, 0.0, -2.0);
+/// let turn = Vec3::new(1.0, 0.0, -1.0);
+/// assert_eq!(reproject_curvature(along, turn), 0.5);
+/// assert_eq!(reproject_curvature(along, Vec3::ZERO), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_curvature(along: Vec3, turn: Vec3) -> f32 {
@@ -289,6 +487,17 @@ pub fn reproject_curvature(along: Vec3, turn: Vec3) -> f32 {
 ///
 /// Error analysis: products of two dot products and a cross product, each of
 /// which may cancel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::reproject_power;
+///
+/// // A convex mirror of radius 2, seen straight on: twice its curvature.
+/// let step = Vec3::new(0.02, 0.0, 0.0);
+/// let power = reproject_power(Vec3::NEG_Z, Vec3::Z, step, 0.5 * step);
+/// assert!((power - 1.0).abs() < 1e-5);
+/// assert_eq!(reproject_power(Vec3::NEG_Z, Vec3::Z, step, Vec3::ZERO), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_power(view: Vec3, normal: Vec3, along: Vec3, turn: Vec3) -> f32 {
@@ -311,6 +520,15 @@ pub fn reproject_power(view: Vec3, normal: Vec3, along: Vec3, turn: Vec3) -> f32
 /// `distance`/[`REPROJECT_FOCUS`].
 ///
 /// Error analysis: a quotient; its divisor cancels next to the focus.
+///
+/// ```
+/// use raytwin_cpu::temporal::reproject::reproject_image_distance;
+///
+/// // A flat mirror, a convex one, and a concave one beyond its focus.
+/// assert_eq!(reproject_image_distance(4.0, 0.0), 4.0);
+/// assert_eq!(reproject_image_distance(4.0, 0.25), 2.0);
+/// assert_eq!(reproject_image_distance(4.0, -0.5), -4.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_image_distance(distance: f32, power: f32) -> f32 {
@@ -330,6 +548,16 @@ pub fn reproject_image_distance(distance: f32, power: f32) -> f32 {
 ///
 /// Error analysis: a unit vector, [`reproject_image_distance`], one product and
 /// one sum for each component.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::reproject_virtual_point;
+///
+/// // What a flat mirror shows lies as far behind it.
+/// let point =
+///     reproject_virtual_point(Vec3::ZERO, Vec3::new(0.0, 0.0, -2.0), 3.0, 0.0);
+/// assert_eq!(point, Vec3::new(0.0, 0.0, -5.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_virtual_point(eye: Vec3, position: Vec3, distance: f32, power: f32) -> Vec3 {
@@ -384,6 +612,18 @@ fn reproject_square(columns: u32, rows: u32) -> u32 {
 /// Error analysis: floor and the difference from it are exact but where a
 /// motion is closer to a whole number than 2^-24: each weight errs by half an
 /// ULP of 1.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::temporal::reproject::{reproject_footprint, reproject_tap};
+///
+/// // A quarter of a pixel to the right: two texels, 3/4 and 1/4.
+/// let taps =
+///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
+/// let weights: Vec<_> = (0..9).map(|i| reproject_tap(taps, i).weight).collect();
+/// assert_eq!(&weights[..2], [0.75, 0.25]);
+/// assert_eq!(weights.iter().sum::<f32>(), 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_footprint(pixel: UVec2, size: UVec2, motion: Vec2) -> ReprojectTaps {
@@ -436,6 +676,19 @@ fn reproject_spline(t: f32) -> Vec3 {
 ///
 /// Error analysis: one difference (exact), a square and a difference of
 /// numbers that do not cancel.
+///
+/// ```
+/// use glam::{UVec2, Vec2, Vec3};
+/// use raytwin_cpu::temporal::reproject::{
+///     reproject_footprint_wide, reproject_tap,
+/// };
+///
+/// // Nothing moves: 3/4 of the weight in the middle, on either axis.
+/// let taps =
+///     reproject_footprint_wide(UVec2::splat(4), UVec2::splat(8), Vec2::ZERO);
+/// assert_eq!(taps.across, Vec3::new(0.125, 0.75, 0.125));
+/// assert_eq!(reproject_tap(taps, 4).at, UVec2::splat(4));
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_footprint_wide(pixel: UVec2, size: UVec2, motion: Vec2) -> ReprojectTaps {
@@ -485,6 +738,21 @@ fn reproject_pick(weights: Vec3, index: u32) -> f32 {
 /// divide by the sum of the weights.
 ///
 /// Error analysis: one product.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::temporal::reproject::{reproject_footprint, reproject_tap};
+///
+/// // Channels of one's own: the weighted mean of what the texels hold.
+/// let taps =
+///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
+/// let (mut sum, mut weights) = (0.0, 0.0);
+/// for tap in (0..9).map(|i| reproject_tap(taps, i)) {
+///     sum += tap.weight * tap.at.x as f32;
+///     weights += tap.weight;
+/// }
+/// assert_eq!(sum / weights, 4.25);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
@@ -519,6 +787,31 @@ pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
 /// Error analysis: the offset is a difference of positions, so the height errs
 /// by an ULP of the offset; a texel within that of the limit may fall on either
 /// side.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::{
+///     REPROJECT_TOLERANCE, ReprojectSurface, reproject_matches,
+/// };
+///
+/// let floor = ReprojectSurface {
+///     position: Vec3::ZERO,
+///     depth: 5.0,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// // The next texel on the same floor; another mesh.
+/// let beside = ReprojectSurface {
+///     position: Vec3::X,
+///     ..floor
+/// };
+/// let other = ReprojectSurface { mesh: 4, ..beside };
+/// assert_eq!(
+///     reproject_matches(floor, 0.0, beside, REPROJECT_TOLERANCE),
+///     1
+/// );
+/// assert_eq!(reproject_matches(floor, 0.0, other, REPROJECT_TOLERANCE), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_matches(
@@ -596,6 +889,39 @@ where
 /// In WGSL `read_prior` is a function that the program defines.
 ///
 /// Error analysis: that of [`reproject_footprint`].
+///
+/// ```
+/// use glam::{UVec2, Vec2, Vec3};
+/// use raytwin_cpu::temporal::reproject::{
+///     REPROJECT_TOLERANCE, ReprojectSurface, reproject_find, reproject_tap,
+/// };
+///
+/// let floor = ReprojectSurface {
+///     position: Vec3::ZERO,
+///     depth: 5.0,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// // The frame before had another object left of x = 4.
+/// let prior = |at: UVec2| ReprojectSurface {
+///     mesh: if at.x < 4 { 9 } else { 3 },
+///     ..floor
+/// };
+/// let taps = reproject_find(
+///     UVec2::splat(4),
+///     UVec2::splat(8),
+///     Vec2::new(-0.5, 0.0),
+///     floor,
+///     0.0,
+///     REPROJECT_TOLERANCE,
+///     prior,
+/// );
+/// assert!(
+///     (0..9)
+///         .map(|i| reproject_tap(taps, i))
+///         .all(|t| t.weight == 0.0 || t.at.x >= 4)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_find<P>(
@@ -647,6 +973,22 @@ where
 ///
 /// Error analysis: sums of at most nine products over a sum of weights; the
 /// weights are positive, so the error is a few ULP of the largest value.
+///
+/// ```
+/// use glam::{UVec2, Vec2};
+/// use raytwin_cpu::temporal::reproject::{
+///     ReprojectHistory, reproject_footprint, reproject_gather,
+/// };
+///
+/// let taps =
+///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
+/// let read = |at: UVec2| ReprojectHistory {
+///     value: at.x as f32,
+///     length: 8.0,
+/// };
+/// let history = reproject_gather(taps, read);
+/// assert_eq!((history.value, history.length), (4.25, 8.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_gather<V, R>(taps: ReprojectTaps, read_history: R) -> ReprojectHistory<V>
@@ -705,6 +1047,39 @@ where
 ///
 /// Error analysis: a convex combination; a motion's error moves it by as much
 /// of the difference between texels.
+///
+/// ```
+/// use glam::{UVec2, Vec2, Vec3};
+/// use raytwin_cpu::temporal::reproject::{
+///     REPROJECT_TOLERANCE, ReprojectHistory, ReprojectSurface, reproject_pixel,
+/// };
+///
+/// let floor = ReprojectSurface {
+///     position: Vec3::ZERO,
+///     depth: 5.0,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// let read = |at: UVec2| ReprojectHistory {
+///     value: Vec3::splat(at.x as f32),
+///     length: 8.0,
+/// };
+/// let find = |motion| {
+///     reproject_pixel(
+///         UVec2::splat(4),
+///         UVec2::splat(8),
+///         motion,
+///         floor,
+///         0.0,
+///         REPROJECT_TOLERANCE,
+///         |_| floor,
+///         read,
+///     )
+/// };
+/// assert_eq!(find(Vec2::new(2.0, 0.0)).value, Vec3::splat(6.0));
+/// // Outside of the image there is no history.
+/// assert_eq!(find(Vec2::new(6.0, 0.0)).length, 0.0);
+/// ```
 #[allow(clippy::too_many_arguments)]
 #[inline]
 #[must_use]
@@ -774,6 +1149,27 @@ fn reproject_shorter(back: ReprojectBend, ahead: ReprojectBend) -> ReprojectBend
 /// In WGSL `read_surface` is a function that the program defines.
 ///
 /// Error analysis: differences of positions and of normals, times two factors.
+///
+/// ```
+/// use glam::{UVec2, Vec2, Vec3};
+/// use raytwin_cpu::temporal::reproject::{
+///     ReprojectSurface, reproject_bend, reproject_curvature,
+/// };
+///
+/// // A sphere of radius 2, seen from above.
+/// let read = |at: UVec2| {
+///     let (x, z) = ((at.x as f32 - 4.0) * 0.1, (at.y as f32 - 4.0) * 0.1);
+///     let position = Vec3::new(x, (4.0 - x * x - z * z).sqrt(), z);
+///     ReprojectSurface {
+///         position,
+///         depth: 5.0,
+///         normal: 0.5 * position,
+///         mesh: 3,
+///     }
+/// };
+/// let bend = reproject_bend(UVec2::splat(4), UVec2::splat(9), Vec2::X, read);
+/// assert!((reproject_curvature(bend.along, bend.turn) - 0.5).abs() < 1e-4);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_bend<S>(
@@ -844,6 +1240,46 @@ where
 ///
 /// Error analysis: [`reproject_bend`], [`reproject_power`],
 /// [`reproject_virtual_point`] and [`reproject_motion`] one after the other.
+///
+/// ```
+/// use glam::{UVec2, Vec2, Vec3};
+/// use raytwin_cpu::ray::camera::{Camera, camera_position_from_depth};
+/// use raytwin_cpu::temporal::reproject::{
+///     ReprojectSurface, reproject_reflection_motion,
+/// };
+///
+/// let now = Camera {
+///     origin: Vec3::ZERO,
+///     right: Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::splat(1.0 / 64.0),
+/// };
+/// let before = Camera {
+///     origin: Vec3::X,
+///     ..now
+/// };
+/// // A flat mirror at distance 2, and something 3 before it.
+/// let mirror = |at: UVec2| {
+///     let pixel = Vec2::new(at.x as f32 + 0.5, at.y as f32 + 0.5);
+///     ReprojectSurface {
+///         position: camera_position_from_depth(pixel, 2.0, now),
+///         depth: 2.0,
+///         normal: Vec3::Z,
+///         mesh: 3,
+///     }
+/// };
+/// // It moves as if it were 5 away: by 32/5 pixels, not 32/2.
+/// let motion = reproject_reflection_motion(
+///     UVec2::splat(32),
+///     UVec2::splat(64),
+///     3.0,
+///     now,
+///     before,
+///     mirror,
+/// );
+/// assert!((motion - Vec2::new(-6.4, 0.0)).length() < 0.01);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_reflection_motion<S>(
@@ -904,6 +1340,17 @@ fn reproject_deviations(value: f32, mean: f32, deviation: f32, floor: f32) -> f3
 ///
 /// Error analysis: differences of arguments, quotients, a sum of positive
 /// terms.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::reproject_color_distance;
+///
+/// let mean = Vec3::splat(0.5);
+/// assert_eq!(reproject_color_distance(mean, mean, Vec3::ZERO), 0.0);
+/// // One deviation off in every channel.
+/// let off = reproject_color_distance(Vec3::splat(0.75), mean, Vec3::splat(0.25));
+/// assert!((off - 1.0).abs() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_color_distance(color: Vec3, mean: Vec3, deviation: Vec3) -> f32 {
@@ -922,6 +1369,16 @@ pub fn reproject_color_distance(color: Vec3, mean: Vec3, deviation: Vec3) -> f32
 /// where both are too small for an `f32`.
 ///
 /// Error analysis: `x·2^-x` is below 0.54, so a few ULP of 1.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::reproject::reproject_color_weight;
+///
+/// let mean = Vec3::splat(0.5);
+/// assert_eq!(reproject_color_weight(mean, mean, Vec3::splat(0.25)), 1.0);
+/// let off = reproject_color_weight(Vec3::splat(0.75), mean, Vec3::splat(0.25));
+/// assert!((off - 1.0 / 1024.0).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_color_weight(color: Vec3, mean: Vec3, deviation: Vec3) -> f32 {
@@ -934,6 +1391,14 @@ pub fn reproject_color_weight(color: Vec3, mean: Vec3, deviation: Vec3) -> f32 {
 ///
 /// Error analysis: the exponent is a difference of arguments; the divisor is
 /// between 1 and 2.
+///
+/// ```
+/// use raytwin_cpu::temporal::reproject::reproject_share;
+///
+/// assert_eq!(reproject_share(1.0, 1.0), 0.5);
+/// // The first one fits, the second is far off.
+/// assert!(reproject_share(0.0, 2.0) < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_share(first: f32, second: f32) -> f32 {
@@ -952,6 +1417,21 @@ pub fn reproject_share(first: f32, second: f32) -> f32 {
 /// harmonic mean, as in [`reproject_gather`].
 ///
 /// Error analysis: a sum of two products, clamped; three quotients.
+///
+/// ```
+/// use raytwin_cpu::temporal::reproject::{ReprojectHistory, reproject_blend};
+///
+/// let old = ReprojectHistory {
+///     value: 1.0,
+///     length: 8.0,
+/// };
+/// let new = ReprojectHistory {
+///     value: 2.0,
+///     length: 8.0,
+/// };
+/// let blend = reproject_blend(old, new, 0.25);
+/// assert_eq!((blend.value, blend.length), (1.25, 8.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn reproject_blend<V: ReprojectValue>(

@@ -22,6 +22,14 @@ pub const TAA_MAX: f32 = 1e8;
 ///
 /// Error analysis: sums of three terms; `y` has terms of one sign, the others
 /// are differences with the error of their largest term.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::taa::taa_ycocg;
+///
+/// // Grey has luma alone.
+/// assert_eq!(taa_ycocg(Vec3::splat(0.5)), Vec3::new(0.5, 0.0, 0.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn taa_ycocg(rgb: Vec3) -> Vec3 {
@@ -38,6 +46,14 @@ pub fn taa_ycocg(rgb: Vec3) -> Vec3 {
 ///
 /// Error analysis: sums of two and of three terms, with the error of the
 /// largest.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::taa::{taa_rgb, taa_ycocg};
+///
+/// let rgb = Vec3::new(0.8, 0.5, 0.1);
+/// assert!((taa_rgb(taa_ycocg(rgb)) - rgb).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn taa_rgb(ycocg: Vec3) -> Vec3 {
@@ -67,6 +83,18 @@ fn taa_part(away: f32, extent: f32) -> f32 {
 /// ULP or two of the largest number that enters; the part that is kept has
 /// that error over the smallest extent, and moves the other axes by it times
 /// their extents.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::taa::taa_clip;
+///
+/// // The neighbours are greys from 0.4 to 0.6.
+/// let (low, high) = (Vec3::new(0.4, 0.0, 0.0), Vec3::new(0.6, 0.0, 0.0));
+/// let inside = Vec3::splat(0.5);
+/// assert_eq!(taa_clip(inside, low, high), inside);
+/// let clipped = taa_clip(Vec3::splat(3.0), low, high);
+/// assert!((clipped - Vec3::splat(0.6)).length() < 0.01);
+/// ```
 #[inline]
 #[must_use]
 pub fn taa_clip(history: Vec3, low: Vec3, high: Vec3) -> Vec3 {
@@ -112,6 +140,16 @@ fn taa_mix(a: f32, a_weight: f32, b: f32, b_weight: f32) -> f32 {
 /// this is for what is seen, not for radiance that is used again.
 ///
 /// Error analysis: sums and products of numbers of one sign and one quotient.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::taa::taa_blend;
+///
+/// let (history, current) = (Vec3::ONE, Vec3::splat(2.0));
+/// // Without exposure the plain mean; with it a bright sample counts less.
+/// assert_eq!(taa_blend(history, current, 0.5, 0.0), Vec3::splat(1.5));
+/// assert!(taa_blend(history, current, 0.5, 1.0).x < 1.5);
+/// ```
 #[inline]
 #[must_use]
 pub fn taa_blend(history: Vec3, current: Vec3, alpha: f32, exposure: f32) -> Vec3 {
@@ -154,6 +192,23 @@ fn taa_clean(color: Vec3) -> Vec3 {
 /// if there is neither.
 ///
 /// Error analysis: that of [`taa_clip`] and [`taa_blend`].
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::temporal::taa::taa_pixel;
+///
+/// // What was there is gone: a bright history on a grey wall is let go at once.
+/// let wall = Vec3::splat(0.5);
+/// let color = taa_pixel(
+///     UVec2::ONE,
+///     UVec2::splat(3),
+///     Vec3::splat(5.0),
+///     0.1,
+///     1.0,
+///     |_| wall,
+/// );
+/// assert!((color - wall).length() < 0.01);
+/// ```
 #[inline]
 #[must_use]
 pub fn taa_pixel<R>(

@@ -32,6 +32,20 @@ pub const VARIANCE_CLAMP_CLIP: u32 = 2;
 pub const VARIANCE_CLAMP_THINNEST: f32 = 0.015625;
 
 /// What has been seen of a neighbourhood; starts as [`VARIANCE_CLAMP_EMPTY`].
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_EMPTY, VARIANCE_CLAMP_RGB, variance_clamp_add,
+/// };
+///
+/// let one =
+///     variance_clamp_add(VARIANCE_CLAMP_EMPTY, Vec3::ONE, VARIANCE_CLAMP_RGB);
+/// assert_eq!(
+///     (one.mean, one.spread, one.count),
+///     (Vec3::ONE, Vec3::ZERO, 1.0)
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct VarianceClampMoments {
@@ -57,6 +71,26 @@ pub const VARIANCE_CLAMP_EMPTY: VarianceClampMoments = VarianceClampMoments {
 };
 
 /// A box about a mean: how far it reaches along each axis.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_RGB, VarianceClampBox, variance_clamp_limit,
+/// };
+///
+/// // Half a unit to either side, in each channel.
+/// let bounds = VarianceClampBox {
+///     low: Vec3::splat(-0.5),
+///     high: Vec3::splat(0.5),
+/// };
+/// let held = variance_clamp_limit(
+///     Vec3::splat(9.0),
+///     Vec3::ONE,
+///     bounds,
+///     VARIANCE_CLAMP_RGB,
+/// );
+/// assert_eq!(held, Vec3::splat(1.5));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct VarianceClampBox {
@@ -68,6 +102,14 @@ pub struct VarianceClampBox {
 
 /// 1 if every channel is a number of magnitude at most
 /// [`VARIANCE_CLAMP_LARGEST`], else 0. Compares bit patterns. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::variance_clamp_usable;
+///
+/// assert_eq!(variance_clamp_usable(Vec3::ONE), 1);
+/// assert_eq!(variance_clamp_usable(Vec3::new(0.0, f32::INFINITY, 0.0)), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_usable(color: Vec3) -> u32 {
@@ -84,6 +126,16 @@ pub fn variance_clamp_usable(color: Vec3) -> u32 {
 ///
 /// Error analysis: halves are exact, two sums a channel; the sums may cancel,
 /// so the error is that of the largest channel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::variance_clamp_ycocg;
+///
+/// assert_eq!(
+///     variance_clamp_ycocg(Vec3::splat(0.5)),
+///     Vec3::new(0.5, 0.0, 0.0)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_ycocg(rgb: Vec3) -> Vec3 {
@@ -99,6 +151,16 @@ pub fn variance_clamp_ycocg(rgb: Vec3) -> Vec3 {
 /// undoes [`variance_clamp_ycocg`], to rounding.
 ///
 /// Error analysis: two sums a channel, which may cancel.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     variance_clamp_rgb, variance_clamp_ycocg,
+/// };
+///
+/// let rgb = Vec3::new(0.8, 0.5, 0.1);
+/// assert!((variance_clamp_rgb(variance_clamp_ycocg(rgb)) - rgb).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_rgb(ycocg: Vec3) -> Vec3 {
@@ -130,6 +192,23 @@ fn variance_clamp_mean(mean: f32, sample: f32, count: f32) -> f32 {
 /// Error analysis: the mean moves by a part of its distance from the colour, a
 /// few ULP of the larger; the spread is a sum of squares, so it does not
 /// cancel and a constant has none.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_EMPTY, VARIANCE_CLAMP_RGB, variance_clamp_add,
+/// };
+///
+/// let mut moments = VARIANCE_CLAMP_EMPTY;
+/// for value in [1.0, f32::NAN, 3.0] {
+///     moments =
+///         variance_clamp_add(moments, Vec3::splat(value), VARIANCE_CLAMP_RGB);
+/// }
+/// assert_eq!(
+///     (moments.mean.x, moments.spread.x, moments.count),
+///     (2.0, 2.0, 2.0)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_add(
@@ -181,6 +260,29 @@ pub fn variance_clamp_add(
 ///
 /// Error analysis: a quotient, a root and a product of numbers `>= 0`; the
 /// distances of minimum and maximum from the mean have its absolute error.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_EMPTY, VARIANCE_CLAMP_RGB, variance_clamp_add,
+///     variance_clamp_box,
+/// };
+///
+/// let mut moments = VARIANCE_CLAMP_EMPTY;
+/// for value in [1.0, 3.0] {
+///     moments =
+///         variance_clamp_add(moments, Vec3::splat(value), VARIANCE_CLAMP_RGB);
+/// }
+/// // Half a deviation; and never beyond the smallest and the largest.
+/// assert_eq!(
+///     variance_clamp_box(moments, 0.5, VARIANCE_CLAMP_RGB).high.x,
+///     0.5
+/// );
+/// assert_eq!(
+///     variance_clamp_box(moments, 9.0, VARIANCE_CLAMP_RGB).high.x,
+///     1.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_box(
@@ -238,6 +340,23 @@ fn variance_clamp_between(value: f32, a: f32, b: f32) -> f32 {
 /// Error analysis: clamping, a few ULP of the larger of history and mean. The
 /// clip divides by an offset with that error, and the side that it compares
 /// with is no thinner than 1/64 of the widest: at most 64 times as much.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_RGB, VarianceClampBox, variance_clamp_limit,
+/// };
+///
+/// let bounds = VarianceClampBox {
+///     low: Vec3::splat(-0.5),
+///     high: Vec3::splat(0.5),
+/// };
+/// let history = Vec3::new(9.0, 1.0, 1.0);
+/// // Clamped, only the channel that is outside moves.
+/// let clamped =
+///     variance_clamp_limit(history, Vec3::ONE, bounds, VARIANCE_CLAMP_RGB);
+/// assert_eq!(clamped, Vec3::new(1.5, 1.0, 1.0));
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_limit(
@@ -298,6 +417,26 @@ pub fn variance_clamp_limit(
 ///
 /// Error analysis: the moments' errors add over the taps, and all the rest is
 /// that of [`variance_clamp_limit`]: absolute, in the largest colour.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_RADIUS, VARIANCE_CLAMP_RGB, variance_clamp_pixel,
+/// };
+///
+/// // Neighbours between 0.4 and 0.6; a history far off is held to them.
+/// let read = |at: UVec2| Vec3::splat(0.4 + 0.1 * (at.x % 3) as f32);
+/// let held = variance_clamp_pixel(
+///     UVec2::splat(4),
+///     UVec2::splat(9),
+///     VARIANCE_CLAMP_RADIUS,
+///     Vec3::splat(5.0),
+///     1.0,
+///     VARIANCE_CLAMP_RGB,
+///     read,
+/// );
+/// assert!(held.x > 0.5 && held.x <= 0.6);
+/// ```
 #[inline]
 #[must_use]
 pub fn variance_clamp_pixel<R>(

@@ -36,6 +36,27 @@ pub const VISIBILITY_CLAMP_LARGEST: f32 = 1e15;
 ///
 /// Error analysis: a root and a product, added to the mean: an ULP or two of
 /// one, and exact where the variance is 0.
+///
+/// ```
+/// use raytwin_cpu::temporal::visibility_clamp::{
+///     VISIBILITY_CLAMP_GAMMA, visibility_clamp_limit,
+/// };
+///
+/// // Half of the rays reached the light: the deviation is 1/2.
+/// assert_eq!(
+///     visibility_clamp_limit(1.0, 0.5, 0.25, VISIBILITY_CLAMP_GAMMA),
+///     0.75
+/// );
+/// assert_eq!(
+///     visibility_clamp_limit(0.6, 0.5, 0.25, VISIBILITY_CLAMP_GAMMA),
+///     0.6
+/// );
+/// // All agree: no doubt is left.
+/// assert_eq!(
+///     visibility_clamp_limit(0.6, 0.0, 0.0, VISIBILITY_CLAMP_GAMMA),
+///     0.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn visibility_clamp_limit(history: f32, mean: f32, variance: f32, gamma: f32) -> f32 {
@@ -69,6 +90,24 @@ fn visibility_clamp_counted(history: f32, sum: u32, area: u32, gamma: f32) -> f3
 /// `packed_visibility_read` that the program defines.
 ///
 /// Error analysis: sums are exact; that of [`visibility_clamp_limit`].
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::temporal::visibility_clamp::{
+///     VISIBILITY_CLAMP_GAMMA, visibility_clamp_pixel,
+/// };
+///
+/// // Every ray around is dark, so a history of light is over.
+/// let size = UVec2::new(64, 32);
+/// let held = visibility_clamp_pixel(
+///     UVec2::new(20, 15),
+///     size,
+///     0.8,
+///     VISIBILITY_CLAMP_GAMMA,
+///     |_| 0,
+/// );
+/// assert_eq!(held, 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn visibility_clamp_pixel<R>(
@@ -90,6 +129,23 @@ where
 /// `packed_visibility_read_row` that the program defines.
 ///
 /// Error analysis: as [`visibility_clamp_pixel`].
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::packed_visibility::packed_visibility_horizontal;
+/// use raytwin_cpu::temporal::visibility_clamp::{
+///     visibility_clamp_pixel, visibility_clamp_rows_pixel,
+/// };
+///
+/// let (pixel, size) = (UVec2::new(20, 15), UVec2::new(64, 32));
+/// let read = |block: UVec2| 0x1234_5678 ^ block.x;
+/// let row = |at: UVec2| packed_visibility_horizontal(at, size, read);
+/// let two_passes = visibility_clamp_rows_pixel(pixel, size, 1.0, 0.5, row);
+/// assert_eq!(
+///     two_passes,
+///     visibility_clamp_pixel(pixel, size, 1.0, 0.5, read)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn visibility_clamp_rows_pixel<R>(
