@@ -46,6 +46,26 @@ pub const SURFEL_GRAZING: f32 = 0.0625;
 pub const SURFEL_TILE_EMPTY: u32 = 0xffff_ffff;
 
 /// A disc on a surface. Its irradiance is kept apart.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_sound};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// assert_eq!(surfel_sound(surfel), 1);
+/// assert_eq!(
+///     surfel_sound(Surfel {
+///         radius: 0.0,
+///         ..surfel
+///     }),
+///     0
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Surfel {
@@ -60,6 +80,27 @@ pub struct Surfel {
 }
 
 /// A weighted mean of irradiance.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_gather};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// // Far from all surfels nothing is known.
+/// let far = surfel_gather(
+///     10.0 * Vec3::X,
+///     Vec3::Y,
+///     UVec2::new(0, 1),
+///     |_| surfel,
+///     |_| Vec3::ONE,
+/// );
+/// assert_eq!((far.irradiance, far.weight), (Vec3::ZERO, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SurfelGathered {
@@ -84,6 +125,26 @@ fn surfel_bits3(v: Vec3) -> u32 {
 /// [`SURFEL_RADIUS_MIN`] and [`SURFEL_RADIUS_MAX`], its normal has (about) unit length.
 ///
 /// By bit pattern, as WGSL lets an implementation assume that no NaN occurs.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_sound};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// assert_eq!(surfel_sound(surfel), 1);
+/// assert_eq!(
+///     surfel_sound(Surfel {
+///         position: Vec3::splat(f32::NAN),
+///         ..surfel
+///     }),
+///     0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_sound(surfel: Surfel) -> u32 {
@@ -108,6 +169,27 @@ pub fn surfel_sound(surfel: Surfel) -> u32 {
 /// Error analysis: the part within the plane comes from a cross product, not
 /// from a difference of squares, so it may cancel only where the part along the
 /// normal is larger. The sum of squares errs by a few ULP.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_distance_squared};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// assert_eq!(
+///     surfel_distance_squared(surfel, Vec3::new(0.5, 0.0, 0.0)),
+///     1.0
+/// );
+/// // Above the surface the rim is four times as near.
+/// assert_eq!(
+///     surfel_distance_squared(surfel, Vec3::new(0.0, 0.125, 0.0)),
+///     1.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_distance_squared(surfel: Surfel, point: Vec3) -> f32 {
@@ -129,6 +211,14 @@ pub fn surfel_distance_squared(surfel: Surfel, point: Vec3) -> f32 {
 ///
 /// Error analysis: `1 - m` is taken as `(1 - m²)/(1 + m)`, where only the
 /// argument's own error is left at the rim.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel::surfel_attenuation;
+///
+/// assert_eq!(surfel_attenuation(0.0), 1.0);
+/// assert_eq!(surfel_attenuation(0.25), 0.5);
+/// assert_eq!(surfel_attenuation(1.0), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_attenuation(distance_squared: f32) -> f32 {
@@ -144,6 +234,15 @@ pub fn surfel_attenuation(distance_squared: f32) -> f32 {
 /// angle on. Symmetric, and smooth at the right angle.
 ///
 /// Error analysis: the dot product may cancel: absolute, an ULP or two of 1.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::surfel_facing;
+///
+/// assert_eq!(surfel_facing(Vec3::Y, Vec3::Y), 1.0);
+/// assert!((surfel_facing(Vec3::Y, Vec3::new(0.6, 0.8, 0.0)) - 0.64).abs() < 1e-6);
+/// assert_eq!(surfel_facing(Vec3::Y, Vec3::NEG_Y), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_facing(normal: Vec3, other: Vec3) -> f32 {
@@ -158,6 +257,22 @@ pub fn surfel_facing(normal: Vec3, other: Vec3) -> f32 {
 ///
 /// Error analysis: the product of [`surfel_attenuation`] and
 /// [`surfel_facing`]; absolute, a few ULP of 1.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_weight};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// assert_eq!(surfel_weight(surfel, Vec3::ZERO, Vec3::Y), 1.0);
+/// // At the rim, and on a wall.
+/// assert_eq!(surfel_weight(surfel, 0.5 * Vec3::X, Vec3::Y), 0.0);
+/// assert_eq!(surfel_weight(surfel, Vec3::ZERO, Vec3::X), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_weight(surfel: Surfel, point: Vec3, normal: Vec3) -> f32 {
@@ -177,6 +292,25 @@ pub fn surfel_weight(surfel: Surfel, point: Vec3, normal: Vec3) -> f32 {
 /// [`SURFEL_WALK`] count; `read` gives an entry's surfel.
 ///
 /// Error analysis: a sum of terms that are not negative.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_coverage};
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// let surfels = [surfel, surfel];
+/// // Both of the list, whose first entry is 0.
+/// let read = |entry: u32| surfels[entry as usize];
+/// assert_eq!(
+///     surfel_coverage(Vec3::ZERO, Vec3::Y, UVec2::new(0, 2), read),
+///     2.0
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_coverage(
@@ -200,6 +334,23 @@ pub fn surfel_coverage(
 /// narrow views just the first). Cosines below [`SURFEL_GRAZING`] count as it.
 ///
 /// Error analysis: a cross product, its length and five factors.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::gi::surfel::surfel_pixel_area;
+/// use raytwin_cpu::ray::camera::Camera;
+///
+/// // The image plane at depth 1 is 2 by 2, of 64 by 64 pixels.
+/// let camera = Camera {
+///     origin: Vec3::ZERO,
+///     right: Vec3::X,
+///     up: Vec3::Y,
+///     forward: Vec3::NEG_Z,
+///     inverse_resolution: Vec2::splat(1.0 / 64.0),
+/// };
+/// assert_eq!(surfel_pixel_area(1.0, 1.0, camera), 4.0 / 4096.0);
+/// assert_eq!(surfel_pixel_area(8.0, 0.5, camera), 128.0 * 4.0 / 4096.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_pixel_area(depth: f32, cosine: f32, camera: Camera) -> f32 {
@@ -215,6 +366,15 @@ pub fn surfel_pixel_area(depth: f32, cosine: f32, camera: Camera) -> f32 {
 /// of the pixel that is covered least, and among equals of the first one.
 ///
 /// The coverage counts in steps of 2^-20, to 16; `index` in `0..256`. Exact.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel::{SURFEL_TILE_EMPTY, surfel_tile_key};
+///
+/// // The smallest key: least covered, and of two such the first pixel.
+/// let keys = [(0.5, 0), (0.25, 1), (0.25, 2)].map(|(c, i)| surfel_tile_key(c, i));
+/// assert_eq!(keys.into_iter().min(), Some(keys[1]));
+/// assert!(keys[0] < SURFEL_TILE_EMPTY);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_tile_key(coverage: f32, index: u32) -> u32 {
@@ -224,6 +384,12 @@ pub fn surfel_tile_key(coverage: f32, index: u32) -> u32 {
 }
 
 /// Which pixel of its tile a key is that of.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel::{surfel_tile_index, surfel_tile_key};
+///
+/// assert_eq!(surfel_tile_index(surfel_tile_key(0.25, 77)), 77);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_tile_index(key: u32) -> u32 {
@@ -231,6 +397,12 @@ pub fn surfel_tile_index(key: u32) -> u32 {
 }
 
 /// The coverage that a key holds, in steps of 2^-20.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel::{surfel_tile_coverage, surfel_tile_key};
+///
+/// assert_eq!(surfel_tile_coverage(surfel_tile_key(0.25, 77)), 0.25);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_tile_coverage(key: u32) -> f32 {
@@ -248,6 +420,16 @@ pub fn surfel_tile_coverage(key: u32) -> f32 {
 /// tile has. Areas below 1e18, radii as of sound surfels; 0 for others.
 ///
 /// Error analysis: a difference and five factors.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel::surfel_spawn_chance;
+///
+/// // A tile of 256 pixels of 4 mm², radius 10 cm, a rate of 1 a second at 60 Hz.
+/// let chance =
+///     |coverage| surfel_spawn_chance(coverage, 0.8, 4e-6, 256.0, 0.1, 1.0 / 60.0);
+/// assert!(chance(0.0) > chance(0.4) && chance(0.4) > 0.0);
+/// assert_eq!(chance(0.8), 0.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_spawn_chance(
@@ -268,6 +450,22 @@ pub fn surfel_spawn_chance(
 
 /// 1 if a pixel spawns a surfel in a frame, with the chance given: the same on
 /// every machine.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::gi::surfel::surfel_spawns;
+///
+/// let pixel = UVec2::new(3, 5);
+/// assert_eq!(
+///     (surfel_spawns(pixel, 7, 0.0), surfel_spawns(pixel, 7, 1.0)),
+///     (0, 1)
+/// );
+/// // About one frame in four.
+/// let often: u32 = (0..1000)
+///     .map(|frame| surfel_spawns(pixel, frame, 0.25))
+///     .sum();
+/// assert!((200..300).contains(&often));
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_spawns(pixel: UVec2, frame: u32, chance: f32) -> u32 {
@@ -290,6 +488,28 @@ fn surfel_mix(mean: f32, sum: f32, value: f32, w: f32, total: f32) -> f32 {
 ///
 /// Error analysis: each weight errs by a few ULP of 1, so the mean does by
 /// that, over the sum of the weights, times the spread of the irradiances.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::gi::surfel::{Surfel, surfel_gather};
+///
+/// let at = |x| Surfel {
+///     position: Vec3::new(x, 0.0, 0.0),
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 3,
+/// };
+/// let (surfels, light) = ([at(-0.25), at(0.25)], [Vec3::ONE, Vec3::splat(3.0)]);
+/// // In the middle of the two their mean.
+/// let found = surfel_gather(
+///     Vec3::ZERO,
+///     Vec3::Y,
+///     UVec2::new(0, 2),
+///     |i| surfels[i as usize],
+///     |i| light[i as usize],
+/// );
+/// assert!((found.irradiance - Vec3::splat(2.0)).length() < 1e-5);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_gather(
@@ -350,6 +570,15 @@ fn surfel_occlusion_channel(v: f32, albedo: f32) -> f32 {
 /// Source: Jiménez et al. 2016, the cubic fit of equation 10.
 ///
 /// Error analysis: the cubic's terms are below 5 and may cancel: absolute.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::surfel_colored_occlusion;
+///
+/// // A red crevice throws red light at itself, so it gets less dark in red.
+/// let v = surfel_colored_occlusion(0.5, Vec3::new(0.8, 0.1, 0.1));
+/// assert!(v.x > v.y && v.y >= 0.5 && v.x <= 1.0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_colored_occlusion(visibility: f32, albedo: Vec3) -> Vec3 {

@@ -33,6 +33,27 @@ pub const SURFEL_GRID_LEVELS: u32 = 16;
 pub const SURFEL_GRID_FAR: f32 = 4_194_304.0;
 
 /// Where the cells are.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::{
+///     SURFEL_GRID_NOWHERE, SurfelGrid, surfel_grid_find,
+/// };
+///
+/// // 8 x 8 x 8 cells of half a metre about the world's origin.
+/// let grid = SurfelGrid {
+///     origin: Vec3::splat(-2.0),
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// assert_eq!(surfel_grid_find(Vec3::splat(-2.0), grid), 0);
+/// assert_eq!(
+///     surfel_grid_find(Vec3::splat(2.5), grid),
+///     SURFEL_GRID_NOWHERE
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SurfelGrid {
@@ -50,6 +71,17 @@ pub struct SurfelGrid {
 }
 
 /// The cells of a level that a surfel's box touches.
+///
+/// ```
+/// use glam::UVec3;
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGridRange, surfel_grid_count};
+///
+/// let range = SurfelGridRange {
+///     low: UVec3::new(3, 4, 5),
+///     span: UVec3::new(2, 1, 1),
+/// };
+/// assert_eq!(surfel_grid_count(range), 2);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct SurfelGridRange {
@@ -85,6 +117,23 @@ fn surfel_grid_level_of(far: f32) -> u32 {
 ///
 /// Error analysis: a difference and a product, both rounded correctly on every
 /// machine, so the level never falls as the distance grows.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_level};
+///
+/// // Hashed, with levels: level 0 within 10 metres, 1 to 20, 2 to 40.
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::ZERO,
+///     slots: 4096,
+///     inverse_reach: 0.1,
+/// };
+/// let levels =
+///     [5.0, 15.0, 35.0].map(|x| surfel_grid_level(Vec3::new(x, 0.0, 0.0), grid));
+/// assert_eq!(levels, [0, 1, 2]);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_level(point: Vec3, grid: SurfelGrid) -> u32 {
@@ -107,6 +156,23 @@ fn surfel_grid_axis(offset: f32, scale: f32) -> u32 {
 ///
 /// Error analysis: as [`surfel_grid_level`]: coordinates never fall as a point
 /// moves up, so a point in a box has a cell between those of its corners.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_coordinate};
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::ZERO,
+///     slots: 4096,
+///     inverse_reach: 0.1,
+/// };
+/// let point = Vec3::new(3.2, 0.0, 0.0);
+/// // Cells of half a metre; a level higher of a metre.
+/// assert_eq!(surfel_grid_coordinate(point, 0, grid).x, 6);
+/// assert_eq!(surfel_grid_coordinate(point, 1, grid).x, 3);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_coordinate(point: Vec3, level: u32, grid: SurfelGrid) -> UVec3 {
@@ -122,6 +188,28 @@ pub fn surfel_grid_coordinate(point: Vec3, level: u32, grid: SurfelGrid) -> UVec
 
 /// The list of a cell: its index in a dense grid ([`SURFEL_GRID_NOWHERE`]
 /// outside it and above level 0), a hash in a hashed one.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_slot};
+///
+/// let dense = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// assert_eq!(
+///     surfel_grid_slot(UVec3::new(1, 2, 3), 0, dense),
+///     1 + 8 * (2 + 8 * 3)
+/// );
+/// let hashed = SurfelGrid {
+///     size: UVec3::ZERO,
+///     ..dense
+/// };
+/// assert!(surfel_grid_slot(UVec3::new(1000, 2, 3), 0, hashed) < 512);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_slot(coordinate: UVec3, level: u32, grid: SurfelGrid) -> u32 {
@@ -150,6 +238,26 @@ pub fn surfel_grid_slot(coordinate: UVec3, level: u32, grid: SurfelGrid) -> u32 
 
 /// The list that a point looks up; [`SURFEL_GRID_NOWHERE`] outside a dense grid
 /// and for what is not finite.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::{
+///     SURFEL_GRID_NOWHERE, SurfelGrid, surfel_grid_find,
+/// };
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// assert_eq!(surfel_grid_find(Vec3::new(0.6, 0.1, 0.1), grid), 1);
+/// assert_eq!(
+///     surfel_grid_find(Vec3::splat(f32::NAN), grid),
+///     SURFEL_GRID_NOWHERE
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_find(point: Vec3, grid: SurfelGrid) -> u32 {
@@ -165,6 +273,29 @@ pub fn surfel_grid_find(point: Vec3, grid: SurfelGrid) -> u32 {
 ///
 /// Error analysis: a sum of squares, its root and a product, a few ULP, in a
 /// margin of 1/32. What a coordinate loses by its size is added.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_extent};
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// let surfel = Surfel {
+///     position: Vec3::ONE,
+///     radius: 0.2,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// // As far as the radius along the surface, a quarter of it along the normal.
+/// let half = surfel_grid_extent(surfel, grid);
+/// assert!(half.x > 0.2 && half.x < 0.21 && half.y > 0.05 && half.y < 0.06);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_extent(surfel: Surfel, grid: SurfelGrid) -> Vec3 {
@@ -187,6 +318,28 @@ pub fn surfel_grid_extent(surfel: Surfel, grid: SurfelGrid) -> Vec3 {
 
 /// The levels that a surfel's box touches: the first one and how many, at most
 /// [`SURFEL_GRID_DEEP`]; 0 if more, or if the surfel is not sound.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_levels};
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::ZERO,
+///     slots: 4096,
+///     inverse_reach: 0.1,
+/// };
+/// let surfel = Surfel {
+///     position: Vec3::new(10.0, 0.0, 0.0),
+///     radius: 0.2,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// // On the border of two levels: from level 0 on, two of them.
+/// assert_eq!(surfel_grid_levels(surfel, grid).to_array(), [0, 2]);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_levels(surfel: Surfel, grid: SurfelGrid) -> UVec2 {
@@ -209,6 +362,32 @@ pub fn surfel_grid_levels(surfel: Surfel, grid: SurfelGrid) -> UVec2 {
 
 /// The cells of a level that a sound surfel's box touches; none if they are
 /// more than [`SURFEL_GRID_SPAN`] along an axis.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_range};
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::ZERO,
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// let surfel = Surfel {
+///     position: Vec3::new(1.0, 0.25, 0.25),
+///     radius: 0.2,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// // It reaches over the border between cells 1 and 2.
+/// let range = surfel_grid_range(surfel, 0, grid);
+/// assert_eq!(
+///     (range.low, range.span),
+///     (UVec3::new(1, 0, 0), UVec3::new(2, 1, 1))
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_range(surfel: Surfel, level: u32, grid: SurfelGrid) -> SurfelGridRange {
@@ -233,6 +412,17 @@ pub fn surfel_grid_range(surfel: Surfel, level: u32, grid: SurfelGrid) -> Surfel
 }
 
 /// How many cells a range has: at most 27.
+///
+/// ```
+/// use glam::UVec3;
+/// use raytwin_cpu::gi::surfel_grid::{SurfelGridRange, surfel_grid_count};
+///
+/// let range = SurfelGridRange {
+///     low: UVec3::ZERO,
+///     span: UVec3::new(3, 2, 1),
+/// };
+/// assert_eq!(surfel_grid_count(range), 6);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_count(range: SurfelGridRange) -> u32 {
@@ -240,6 +430,23 @@ pub fn surfel_grid_count(range: SurfelGridRange) -> u32 {
 }
 
 /// A range's cell of number `index`, below its count; `x` first.
+///
+/// ```
+/// use glam::UVec3;
+/// use raytwin_cpu::gi::surfel_grid::{
+///     SurfelGridRange, surfel_grid_cell, surfel_grid_count,
+/// };
+///
+/// let range = SurfelGridRange {
+///     low: UVec3::new(3, 4, 5),
+///     span: UVec3::new(2, 2, 1),
+/// };
+/// let cells: Vec<_> = (0..surfel_grid_count(range))
+///     .map(|i| surfel_grid_cell(range, i))
+///     .collect();
+/// assert_eq!(cells[0], range.low);
+/// assert_eq!(cells[3], UVec3::new(4, 5, 5));
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_cell(range: SurfelGridRange, index: u32) -> UVec3 {
@@ -254,6 +461,14 @@ pub fn surfel_grid_cell(range: SurfelGridRange, index: u32) -> UVec3 {
 
 /// How many entries of a list are kept: all, or none if they do not all lie
 /// within the `capacity`. `first` is where the list begins.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel_grid::surfel_grid_kept;
+///
+/// assert_eq!(surfel_grid_kept(90, 10, 100), 10);
+/// // One entry has no room: the whole list is left out.
+/// assert_eq!(surfel_grid_kept(91, 10, 100), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_grid_kept(first: u32, count: u32, capacity: u32) -> u32 {

@@ -36,6 +36,29 @@ const INV_PI: f32 = 0.31830987;
 pub const SURFEL_IRRADIANCE_ALBEDO: f32 = 0.96875;
 
 /// Where an object is: a rotation as its columns, and a shift.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_irradiance::{
+///     SurfelIrradiancePose, surfel_irradiance_follow,
+/// };
+///
+/// // An object as it was modelled.
+/// let pose = SurfelIrradiancePose {
+///     x: Vec3::X,
+///     y: Vec3::Y,
+///     z: Vec3::Z,
+///     origin: Vec3::ZERO,
+/// };
+/// let surfel = Surfel {
+///     position: Vec3::ONE,
+///     radius: 0.2,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// assert_eq!(surfel_irradiance_follow(surfel, pose, pose), surfel);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct SurfelIrradiancePose {
@@ -52,6 +75,13 @@ pub struct SurfelIrradiancePose {
 /// How many rays a surfel wants in a frame: `most` in its first (`age` 0), a
 /// half in its second, a third in its third, and 1 from `most` frames on. None
 /// if `most` is 0.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_rays;
+///
+/// let rays = [0, 1, 2, 100].map(|age| surfel_irradiance_rays(age, 16));
+/// assert_eq!(rays, [16, 8, 5, 1]);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_rays(age: u32, most: u32) -> u32 {
@@ -65,6 +95,15 @@ pub fn surfel_irradiance_rays(age: u32, most: u32) -> u32 {
 /// before it want `before`: all that are left.
 ///
 /// `before` must not wrap; count it saturating.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_allowed;
+///
+/// // Of a budget of 20 rays those before want 12.
+/// assert_eq!(surfel_irradiance_allowed(12, 4, 20), 4);
+/// assert_eq!(surfel_irradiance_allowed(12, 16, 20), 8);
+/// assert_eq!(surfel_irradiance_allowed(30, 16, 20), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_allowed(before: u32, wanted: u32, budget: u32) -> u32 {
@@ -77,6 +116,24 @@ pub fn surfel_irradiance_allowed(before: u32, wanted: u32, budget: u32) -> u32 {
 ///
 /// Error analysis: a sum of two products, a product and a sum; relative to the
 /// larger of the position and the shift.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_origin;
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// // A little off the surface, so that no ray meets it again.
+/// assert_eq!(
+///     surfel_irradiance_origin(surfel),
+///     Vec3::new(0.0, 0.5 / 256.0, 0.0)
+/// );
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_origin(surfel: Surfel) -> Vec3 {
@@ -94,6 +151,16 @@ pub fn surfel_irradiance_origin(surfel: Surfel) -> Vec3 {
 ///
 /// Error analysis: that of the hemisphere's direction and of the basis, both
 /// absolute in ULP of 1, and a rotation's three products.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_direction;
+///
+/// let direction = surfel_irradiance_direction(Vec3::Y, 17, 7, 0);
+/// assert!(direction.y >= 0.0 && (direction.length() - 1.0).abs() < 1e-5);
+/// // Another ray of the same frame goes elsewhere.
+/// assert_ne!(direction, surfel_irradiance_direction(Vec3::Y, 17, 7, 1));
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_direction(normal: Vec3, surfel: u32, frame: u32, ray: u32) -> Vec3 {
@@ -125,6 +192,16 @@ fn sample_channel(radiance: f32, rays: f32) -> f32 {
 /// negative, not finite or larger than [`SURFEL_LARGEST`] counts as 0.
 ///
 /// Error analysis: a quotient and a product with the rounded π.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_sample;
+///
+/// // Four rays that each saw radiance 1: π watts per square metre.
+/// let irradiance = surfel_irradiance_sample(Vec3::splat(4.0), 4);
+/// assert!((irradiance.x - std::f32::consts::PI).abs() < 1e-6);
+/// assert_eq!(surfel_irradiance_sample(Vec3::ZERO, 0), Vec3::ZERO);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_sample(radiance: Vec3, rays: u32) -> Vec3 {
@@ -155,6 +232,17 @@ fn outgoing_channel(albedo: f32, emission: f32, direct: f32, gathered: f32) -> f
 /// broken material does not spread.
 ///
 /// Error analysis: sums and products of numbers that are not negative.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_outgoing;
+///
+/// // A grey surface in irradiance π sends back its albedo as radiance.
+/// let light = Vec3::splat(std::f32::consts::PI);
+/// let back =
+///     surfel_irradiance_outgoing(Vec3::splat(0.5), Vec3::ZERO, light, Vec3::ZERO);
+/// assert!((back.x - 0.5).abs() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_outgoing(
@@ -197,6 +285,37 @@ fn out_of_pose(pose: SurfelIrradiancePose, v: Vec3) -> Vec3 {
 ///
 /// Error analysis: two rotations and two shifts; absolute, a few ULP of the
 /// distance from the object's origin and of both origins.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_irradiance::{
+///     SurfelIrradiancePose, surfel_irradiance_follow,
+/// };
+///
+/// let old = SurfelIrradiancePose {
+///     x: Vec3::X,
+///     y: Vec3::Y,
+///     z: Vec3::Z,
+///     origin: Vec3::ZERO,
+/// };
+/// // The object has moved and has been turned about y by 90 degrees.
+/// let new = SurfelIrradiancePose {
+///     x: Vec3::NEG_Z,
+///     y: Vec3::Y,
+///     z: Vec3::X,
+///     origin: Vec3::Y,
+/// };
+/// let surfel = Surfel {
+///     position: Vec3::X,
+///     radius: 0.2,
+///     normal: Vec3::X,
+///     mesh: 0,
+/// };
+/// let moved = surfel_irradiance_follow(surfel, old, new);
+/// assert!((moved.position - Vec3::new(0.0, 1.0, -1.0)).length() < 1e-6);
+/// assert!((moved.normal - Vec3::NEG_Z).length() < 1e-6);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_follow(
@@ -224,6 +343,15 @@ pub fn surfel_irradiance_follow(
 /// the pool is free, then less in 256 steps, and 0 when it is full.
 ///
 /// `patience` counts to 65,535 at most. Exact.
+///
+/// ```
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_patience;
+///
+/// // Half of the pool is free, an eighth, nothing.
+/// assert_eq!(surfel_irradiance_patience(32_768, 65_536, 600), 600);
+/// assert_eq!(surfel_irradiance_patience(57_344, 65_536, 600), 300);
+/// assert_eq!(surfel_irradiance_patience(65_536, 65_536, 600), 0);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_patience(used: u32, capacity: u32, patience: u32) -> u32 {
@@ -235,6 +363,21 @@ pub fn surfel_irradiance_patience(used: u32, capacity: u32, patience: u32) -> u3
 
 /// 1 if a surfel is to be given up: it is not sound, or has gone unseen for
 /// more than `patience` frames.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_recycle;
+///
+/// let surfel = Surfel {
+///     position: Vec3::ZERO,
+///     radius: 0.5,
+///     normal: Vec3::Y,
+///     mesh: 0,
+/// };
+/// assert_eq!(surfel_irradiance_recycle(surfel, 600, 600), 0);
+/// assert_eq!(surfel_irradiance_recycle(surfel, 601, 600), 1);
+/// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_recycle(surfel: Surfel, unseen: u32, patience: u32) -> u32 {
