@@ -46,6 +46,15 @@ const FREE: Surfel = Surfel {
 };
 
 /// What a pixel sees. Without a surface its normal is zero.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::surfel::SurfelPixel;
+///
+/// // A pixel of the sky has no surface, so no normal.
+/// let sky = SurfelPixel { position: Vec3::ZERO, normal: Vec3::ZERO, mesh: 0 };
+/// assert_eq!(sky.normal.length(), 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelPixel {
     /// Where, in the world.
@@ -57,6 +66,24 @@ pub struct SurfelPixel {
 }
 
 /// What the camera sees: row after row from the upper left.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use raytwin_cpu::pass::surfel::{SurfelPixel, SurfelView};
+/// use raytwin_cpu::ray::camera::Camera;
+///
+/// // One pixel that looks straight down to a floor.
+/// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+/// let camera = Camera {
+///     origin: 2.0 * Vec3::Y,
+///     right: Vec3::X,
+///     up: Vec3::NEG_Z,
+///     forward: Vec3::NEG_Y,
+///     inverse_resolution: Vec2::ONE,
+/// };
+/// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+/// assert_eq!(view.pixels.len() % view.width as usize, 0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SurfelView<'a> {
     /// The pixels; an incomplete last row is left out.
@@ -68,6 +95,22 @@ pub struct SurfelView<'a> {
 }
 
 /// What a ray hit.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::surfel::SurfelHit;
+///
+/// // A lamp; and a white wall without light of its own.
+/// let lamp = SurfelHit {
+///     position: Vec3::Y,
+///     normal: Vec3::NEG_Y,
+///     albedo: Vec3::ZERO,
+///     emission: Vec3::splat(10.0),
+/// };
+/// let wall =
+///     SurfelHit { albedo: Vec3::splat(0.8), emission: Vec3::ZERO, ..lamp };
+/// assert!(lamp.emission.x > 0.0 && wall.albedo.x < 1.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelHit {
     /// Where, in the world.
@@ -81,6 +124,18 @@ pub struct SurfelHit {
 }
 
 /// How a pool behaves.
+///
+/// ```
+/// use raytwin_cpu::pass::surfel::SurfelSettings;
+///
+/// // Larger surfels, and half of the rays.
+/// let settings = SurfelSettings {
+///     radius: 0.3,
+///     budget: 125_000,
+///     ..SurfelSettings::default()
+/// };
+/// assert_eq!(settings.target_coverage, 0.8);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelSettings {
     /// Coverage up to which surfels are spawned; 0.8 in the chapter.
@@ -118,6 +173,36 @@ impl Default for SurfelSettings {
 }
 
 /// What happened in a frame.
+///
+/// ```
+/// use glam::{UVec3, Vec2, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+/// use raytwin_cpu::pass::surfel::{
+///     SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+/// };
+/// use raytwin_cpu::ray::camera::Camera;
+///
+/// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+/// let camera = Camera {
+///     origin: 2.0 * Vec3::Y,
+///     right: Vec3::X,
+///     up: Vec3::NEG_Z,
+///     forward: Vec3::NEG_Y,
+///     inverse_resolution: Vec2::ONE,
+/// };
+/// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+/// let grid = SurfelGrid {
+///     origin: Vec3::splat(-2.0),
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+/// // The floor is not covered yet, so a surfel is spawned.
+/// let what = pool.frame(view, |_, _| None, |_| Vec3::ZERO);
+/// assert_eq!((what.spawned, what.alive, what.dropped), (1, 1, 0));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfelStatistics {
     /// Surfels in the pool at the end.
@@ -153,6 +238,46 @@ const DARK: Light = Light {
 };
 
 /// A pool of surfels.
+///
+/// ```
+/// use glam::{UVec3, Vec2, Vec3};
+/// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+/// use raytwin_cpu::pass::surfel::{
+///     SurfelHit, SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+/// };
+/// use raytwin_cpu::ray::camera::Camera;
+///
+/// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+/// let camera = Camera {
+///     origin: 2.0 * Vec3::Y,
+///     right: Vec3::X,
+///     up: Vec3::NEG_Z,
+///     forward: Vec3::NEG_Y,
+///     inverse_resolution: Vec2::ONE,
+/// };
+/// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+/// let grid = SurfelGrid {
+///     origin: Vec3::splat(-2.0),
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+/// // A sky of radiance 1 in all directions.
+/// let sky = SurfelHit {
+///     position: 100.0 * Vec3::Y,
+///     normal: Vec3::NEG_Y,
+///     albedo: Vec3::ZERO,
+///     emission: Vec3::ONE,
+/// };
+/// for _ in 0..4 {
+///     pool.frame(view, |_, _| Some(sky), |_| Vec3::ZERO);
+/// }
+/// // The cosine integral of radiance 1 is π.
+/// let light = pool.gather(Vec3::ZERO, Vec3::Y).irradiance;
+/// assert!((light.x - std::f32::consts::PI).abs() < 1e-4);
+/// ```
 #[derive(Debug)]
 pub struct SurfelPass {
     settings: SurfelSettings,
@@ -173,6 +298,23 @@ pub struct SurfelPass {
 impl SurfelPass {
     /// A pool of `capacity` slots whose lists hold `entries` in all; a surfel
     /// takes about eight.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// assert_eq!(pool.surfels().len(), 64);
+    /// assert_eq!(pool.statistics().alive, 0);
+    /// ```
     #[must_use]
     pub fn new(settings: SurfelSettings, grid: SurfelGrid, capacity: u32, entries: u32) -> Self {
         let slots = capacity as usize;
@@ -194,6 +336,38 @@ impl SurfelPass {
 
     /// All of a frame: [`Self::recycle`], [`Self::build`], [`Self::cover`],
     /// [`Self::spawn`], [`Self::update`]. Before it, [`Self::follow`] what moved.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec2, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{
+    ///     SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+    /// };
+    /// use raytwin_cpu::ray::camera::Camera;
+    ///
+    /// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+    /// let camera = Camera {
+    ///     origin: 2.0 * Vec3::Y,
+    ///     right: Vec3::X,
+    ///     up: Vec3::NEG_Z,
+    ///     forward: Vec3::NEG_Y,
+    ///     inverse_resolution: Vec2::ONE,
+    /// };
+    /// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let first = pool.frame(view, |_, _| None, |_| Vec3::ZERO);
+    /// assert_eq!(first.spawned, 1);
+    /// // What is covered stays as it is.
+    /// let second = pool.frame(view, |_, _| None, |_| Vec3::ZERO);
+    /// assert_eq!((second.spawned, second.alive), (0, 1));
+    /// ```
     pub fn frame(
         &mut self,
         view: SurfelView<'_>,
@@ -209,6 +383,35 @@ impl SurfelPass {
     }
 
     /// Moves the surfels of an object with it.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::gi::surfel_irradiance::SurfelIrradiancePose;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let slot = pool.insert(surfel).unwrap();
+    /// // Object 0 moves up by 1.
+    /// let old = SurfelIrradiancePose {
+    ///     x: Vec3::X,
+    ///     y: Vec3::Y,
+    ///     z: Vec3::Z,
+    ///     origin: Vec3::ZERO,
+    /// };
+    /// pool.follow(0, old, SurfelIrradiancePose { origin: Vec3::Y, ..old });
+    /// assert_eq!(pool.surfels()[slot as usize].position, Vec3::Y);
+    /// ```
     pub fn follow(&mut self, mesh: u32, old: SurfelIrradiancePose, new: SurfelIrradiancePose) {
         for surfel in &mut self.surfels {
             if surfel.mesh == mesh && surfel_sound(*surfel) == 1 {
@@ -218,6 +421,31 @@ impl SurfelPass {
     }
 
     /// Starts a frame: gives up who went unseen for too long, or is broken.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let settings = SurfelSettings { patience: 2, ..SurfelSettings::default() };
+    /// let mut pool = SurfelPass::new(settings, grid, 1024, 8192);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// for _ in 0..4 {
+    ///     pool.recycle();
+    /// }
+    /// // It has gone unseen for more than two frames.
+    /// assert_eq!((pool.statistics().recycled, pool.statistics().alive), (1, 0));
+    /// ```
     pub fn recycle(&mut self) {
         let capacity = self.surfels.len() as u32;
         let used = capacity - self.free.len() as u32;
@@ -245,6 +473,28 @@ impl SurfelPass {
     }
 
     /// Builds the lists.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// // It touches some of the cells around the origin.
+    /// pool.build();
+    /// assert!(!pool.grid().entries().is_empty());
+    /// ```
     pub fn build(&mut self) {
         self.grid.build(&self.surfels);
         self.statistics.homeless = self.grid.homeless() - self.free.len() as u32;
@@ -252,6 +502,42 @@ impl SurfelPass {
     }
 
     /// Finds the least covered pixel of each tile, and who is seen.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec2, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{
+    ///     SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+    /// };
+    /// use raytwin_cpu::ray::camera::Camera;
+    ///
+    /// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+    /// let camera = Camera {
+    ///     origin: 2.0 * Vec3::Y,
+    ///     right: Vec3::X,
+    ///     up: Vec3::NEG_Z,
+    ///     forward: Vec3::NEG_Y,
+    ///     inverse_resolution: Vec2::ONE,
+    /// };
+    /// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let slot = pool.insert(surfel).unwrap();
+    /// pool.recycle();
+    /// pool.build();
+    /// // The pixel sees the surfel.
+    /// pool.cover(view);
+    /// assert_eq!(pool.unseen()[slot as usize], 0);
+    /// ```
     pub fn cover(&mut self, view: SurfelView<'_>) {
         let width = view.width as usize;
         let height = view.pixels.len().checked_div(width).unwrap_or(0);
@@ -281,6 +567,38 @@ impl SurfelPass {
 
     /// Spawns surfels where [`Self::cover`], with the same view, found them
     /// missing.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec2, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{
+    ///     SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+    /// };
+    /// use raytwin_cpu::ray::camera::Camera;
+    ///
+    /// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+    /// let camera = Camera {
+    ///     origin: 2.0 * Vec3::Y,
+    ///     right: Vec3::X,
+    ///     up: Vec3::NEG_Z,
+    ///     forward: Vec3::NEG_Y,
+    ///     inverse_resolution: Vec2::ONE,
+    /// };
+    /// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// pool.recycle();
+    /// pool.build();
+    /// pool.cover(view);
+    /// pool.spawn(view);
+    /// assert_eq!(pool.surfels()[0].position, pixel.position);
+    /// ```
     pub fn spawn(&mut self, view: SurfelView<'_>) {
         let across = (view.width as usize).div_ceil(TILE);
         if across == 0 {
@@ -349,6 +667,28 @@ impl SurfelPass {
 
     /// Puts a surfel into the lowest free slot and gives its number; `None` if
     /// the pool is full or the surfel is not sound.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// assert_eq!(pool.insert(surfel), Some(0));
+    /// assert_eq!(pool.insert(surfel), Some(1));
+    /// // Without a radius it is none.
+    /// assert_eq!(pool.insert(Surfel { radius: 0.0, ..surfel }), None);
+    /// ```
     pub fn insert(&mut self, surfel: Surfel) -> Option<u32> {
         if surfel_sound(surfel) == 0 {
             return None;
@@ -368,6 +708,35 @@ impl SurfelPass {
     /// `trace` gives the first hit of a ray from a point in a unit direction;
     /// `direct` the irradiance that a hit has from lights, the cosine included.
     /// With the feature `rayon` both are called from several threads.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelHit, SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let slot = pool.insert(surfel).unwrap();
+    /// // A sky of radiance 1 in all directions.
+    /// let sky = SurfelHit {
+    ///     position: 100.0 * Vec3::Y,
+    ///     normal: Vec3::NEG_Y,
+    ///     albedo: Vec3::ZERO,
+    ///     emission: Vec3::ONE,
+    /// };
+    /// pool.update(|_, _| Some(sky), |_| Vec3::ZERO);
+    /// let light = pool.irradiances()[slot as usize];
+    /// assert!((light.x - std::f32::consts::PI).abs() < 1e-4);
+    /// ```
     pub fn update(
         &mut self,
         trace: impl Fn(Vec3, Vec3) -> Option<SurfelHit> + Sync + Send,
@@ -442,18 +811,83 @@ impl SurfelPass {
     }
 
     /// Irradiance at a point, of the lists that were built last.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// pool.build();
+    /// // Covered, but no ray has brought light yet.
+    /// let found = pool.gather(Vec3::ZERO, Vec3::Y);
+    /// assert_eq!((found.irradiance, found.weight), (Vec3::ZERO, 1.0));
+    /// ```
     #[must_use]
     pub fn gather(&self, point: Vec3, normal: Vec3) -> SurfelGathered {
         gather(point, normal, &self.surfels, &self.irradiance, &self.grid)
     }
 
     /// The surfels by slot; a free slot's has no radius.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// let taken = pool.surfels().iter().filter(|s| s.radius > 0.0);
+    /// assert_eq!(taken.count(), 1);
+    /// ```
     #[must_use]
     pub fn surfels(&self) -> &[Surfel] {
         &self.surfels
     }
 
     /// Frames since each slot was last seen, as of the last [`Self::cover`].
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let slot = pool.insert(surfel).unwrap() as usize;
+    /// pool.recycle();
+    /// assert_eq!(pool.unseen()[slot], 1);
+    /// ```
     #[must_use]
     pub fn unseen(&self) -> Vec<u32> {
         let get = |u: &AtomicU32| u.load(Ordering::Relaxed);
@@ -461,23 +895,109 @@ impl SurfelPass {
     }
 
     /// Their irradiances.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// // One for each slot, dark at first.
+    /// assert_eq!(pool.irradiances(), [Vec3::ZERO; 64]);
+    /// ```
     #[must_use]
     pub fn irradiances(&self) -> &[Vec3] {
         &self.irradiance
     }
 
     /// Their lists.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// pool.build();
+    /// let list = pool.grid().list(surfel.position);
+    /// assert_eq!((list.y, pool.grid().entry(list.x)), (1, 0));
+    /// ```
     #[must_use]
     pub fn grid(&self) -> &SurfelGridPass {
         &self.grid
     }
 
     /// How it behaves, from the next step on.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// // Fewer rays while the frame rate is low.
+    /// pool.settings_mut().budget = 50_000;
+    /// assert_eq!(pool.settings_mut().budget, 50_000);
+    /// ```
     pub fn settings_mut(&mut self) -> &mut SurfelSettings {
         &mut self.settings
     }
 
     /// What happened since [`Self::recycle`] last ran.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec2, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{
+    ///     SurfelPass, SurfelPixel, SurfelSettings, SurfelView,
+    /// };
+    /// use raytwin_cpu::ray::camera::Camera;
+    ///
+    /// let pixel = SurfelPixel { position: Vec3::ZERO, normal: Vec3::Y, mesh: 0 };
+    /// let camera = Camera {
+    ///     origin: 2.0 * Vec3::Y,
+    ///     right: Vec3::X,
+    ///     up: Vec3::NEG_Z,
+    ///     forward: Vec3::NEG_Y,
+    ///     inverse_resolution: Vec2::ONE,
+    /// };
+    /// let view = SurfelView { pixels: &[pixel], width: 1, camera };
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let what = pool.frame(view, |_, _| None, |_| Vec3::ZERO);
+    /// assert_eq!(pool.statistics(), what);
+    /// ```
     #[must_use]
     pub fn statistics(&self) -> SurfelStatistics {
         self.statistics

@@ -13,6 +13,28 @@ use crate::gi::surfel_grid::{
 };
 
 /// The lists of a grid. Keep it: a build reuses its memory.
+///
+/// ```
+/// use glam::{UVec3, Vec3};
+/// use raytwin_cpu::gi::surfel::Surfel;
+/// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+/// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+///
+/// let grid = SurfelGrid {
+///     origin: Vec3::splat(-2.0),
+///     inverse_cell: 2.0,
+///     size: UVec3::splat(8),
+///     slots: 512,
+///     inverse_reach: 0.0,
+/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+/// let mut lists = SurfelGridPass::new(grid, 100);
+/// lists.build(&[surfel]);
+/// // First entry and length of the list around the surfel.
+/// let list = lists.list(surfel.position);
+/// assert_eq!((list.y, lists.entry(list.x)), (1, 0));
+/// ```
 #[derive(Clone, Debug)]
 pub struct SurfelGridPass {
     grid: SurfelGrid,
@@ -46,6 +68,23 @@ fn for_slots(surfel: Surfel, grid: SurfelGrid, mut work: impl FnMut(u32)) -> boo
 
 impl SurfelGridPass {
     /// For lists with `capacity` entries in all.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let lists = SurfelGridPass::new(grid, 100);
+    /// assert_eq!(lists.firsts().len(), 512);
+    /// assert_eq!(lists.list(Vec3::ZERO).y, 0);
+    /// ```
     #[must_use]
     pub fn new(grid: SurfelGrid, capacity: u32) -> Self {
         let slots = grid.slots as usize;
@@ -62,6 +101,29 @@ impl SurfelGridPass {
     }
 
     /// Builds the lists anew.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel]);
+    /// assert_eq!(lists.list(surfel.position).y, 1);
+    /// // Built anew without it.
+    /// lists.build(&[]);
+    /// assert_eq!(lists.list(surfel.position).y, 0);
+    /// ```
     pub fn build(&mut self, surfels: &[Surfel]) {
         self.cursor.fill(0);
         self.homeless = 0;
@@ -105,6 +167,29 @@ impl SurfelGridPass {
     }
 
     /// First entry and length of the list that a point looks up.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel]);
+    /// assert_eq!(lists.list(surfel.position).y, 1);
+    /// // Far from the surfel, and outside of the grid.
+    /// assert_eq!(lists.list(Vec3::splat(1.5)).y, 0);
+    /// assert_eq!(lists.list(Vec3::splat(99.0)).y, 0);
+    /// ```
     #[must_use]
     pub fn list(&self, point: Vec3) -> UVec2 {
         let slot = surfel_grid_find(point, self.grid);
@@ -115,6 +200,30 @@ impl SurfelGridPass {
     }
 
     /// The surfel that an entry names.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel, surfel]);
+    /// // In the order of their numbers.
+    /// let list = lists.list(surfel.position);
+    /// let found: Vec<_> =
+    ///     (list.x..list.x + list.y).map(|i| lists.entry(i)).collect();
+    /// assert_eq!(found, [0, 1]);
+    /// ```
     #[inline]
     #[must_use]
     pub fn entry(&self, entry: u32) -> u32 {
@@ -122,30 +231,135 @@ impl SurfelGridPass {
     }
 
     /// Where each slot's list begins.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::{SurfelGrid, surfel_grid_find};
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel]);
+    /// let slot = surfel_grid_find(surfel.position, grid);
+    /// assert_eq!(lists.firsts()[slot as usize], lists.list(surfel.position).x);
+    /// ```
     #[must_use]
     pub fn firsts(&self) -> &[u32] {
         &self.first
     }
 
     /// How long each slot's list is.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel]);
+    /// let total: u32 = lists.counts().iter().sum();
+    /// assert_eq!(total as usize, lists.entries().len());
+    /// ```
     #[must_use]
     pub fn counts(&self) -> &[u32] {
         &self.count
     }
 
     /// The surfels' numbers, list after list.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// lists.build(&[surfel]);
+    /// // Every entry names the one surfel there is.
+    /// assert!(lists.entries().iter().all(|number| *number == 0));
+    /// ```
     #[must_use]
     pub fn entries(&self) -> &[u32] {
         &self.entries
     }
 
     /// Entries that the capacity had no room for.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// // Room for one entry, and the surfel touches more cells.
+    /// let mut lists = SurfelGridPass::new(grid, 1);
+    /// lists.build(&[surfel]);
+    /// assert!(lists.dropped() > 0);
+    /// ```
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.dropped
     }
 
     /// Surfels that are not sound, or too large for their cells.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// let mut lists = SurfelGridPass::new(grid, 100);
+    /// // Much larger than a cell of half a metre.
+    /// lists.build(&[surfel, Surfel { radius: 5.0, ..surfel }]);
+    /// assert_eq!(lists.homeless(), 1);
+    /// ```
     #[must_use]
     pub fn homeless(&self) -> u32 {
         self.homeless

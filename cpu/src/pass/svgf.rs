@@ -92,6 +92,24 @@ impl Clone for Planes {
 
 /// The filter for images of one size, with `C` channels: 1 (shadow, ambient
 /// occlusion) or 3 (colours). Create it once.
+///
+/// ```
+/// use glam::{UVec2, Vec3};
+/// use raytwin_cpu::filter::svgf::{SvgfSettings, SvgfSurface};
+/// use raytwin_cpu::pass::svgf::SvgfPass;
+///
+/// // A noisy floor: 0 and 1, pixel by pixel.
+/// let size = UVec2::splat(9);
+/// let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+/// pass.set_surfaces(|at| SvgfSurface {
+///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+///     reach: 0.1,
+///     normal: Vec3::Y,
+/// });
+/// pass.set_image(|at| ([((at.x + at.y) % 2) as f32], 0.25));
+/// pass.filter(|_| ());
+/// assert!((pass.at(UVec2::splat(4)).0[0] - 0.5).abs() < 0.25);
+/// ```
 #[derive(Clone, Debug)]
 pub struct SvgfPass<const C: usize> {
     size: UVec2,
@@ -616,6 +634,16 @@ impl<const C: usize> SvgfPass<C> {
     /// For images of this size. A colour's luminance is Rec. 709's; an image of
     /// one channel is its own. Each side is below 2^20; a pass has at most 16
     /// steps.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::svgf::SvgfSettings;
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// // Colours; one channel would be `SvgfPass::<1>`.
+    /// let pass = SvgfPass::<3>::new(UVec2::new(640, 360), SvgfSettings::PAPER);
+    /// assert_eq!(pass.size(), UVec2::new(640, 360));
+    /// ```
     #[must_use]
     pub fn new(size: UVec2, settings: SvgfSettings) -> Self {
         let (width, height) = (size.x as usize, size.y as usize);
@@ -645,6 +673,27 @@ impl<const C: usize> SvgfPass<C> {
 
     /// With these vector instructions in place of the widest that the machine
     /// has. The results are the same.
+    ///
+    /// ```
+    /// use glam::{UVec2, Vec3};
+    /// use raytwin_cpu::filter::svgf::{SvgfSettings, SvgfSurface};
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    /// use raytwin_cpu::simd::SimdLevel;
+    ///
+    /// let size = UVec2::splat(9);
+    /// let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+    /// pass.set_surfaces(|at| SvgfSurface {
+    ///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+    ///     reach: 0.1,
+    ///     normal: Vec3::Y,
+    /// });
+    /// pass.set_image(|at| ([((at.x + at.y) % 2) as f32], 0.25));
+    /// // Without wide vectors: the same bits.
+    /// let mut narrow = pass.clone().with_level(SimdLevel::Baseline);
+    /// pass.filter(|_| ());
+    /// narrow.filter(|_| ());
+    /// assert_eq!(pass.row(4, 0), narrow.row(4, 0));
+    /// ```
     #[must_use]
     pub fn with_level(mut self, level: SimdLevel) -> Self {
         self.level = level;
@@ -652,12 +701,38 @@ impl<const C: usize> SvgfPass<C> {
     }
 
     /// Width and height.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::svgf::SvgfSettings;
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let pass = SvgfPass::<1>::new(UVec2::new(640, 360), SvgfSettings::BLOG);
+    /// assert_eq!(pass.size().x, 640);
+    /// ```
     #[must_use]
     pub fn size(&self) -> UVec2 {
         self.size
     }
 
     /// The surfaces of a frame; what is no data counts as none.
+    ///
+    /// ```
+    /// use glam::{UVec2, Vec3};
+    /// use raytwin_cpu::filter::svgf::{SvgfSettings, SvgfSurface};
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let mut pass = SvgfPass::<1>::new(UVec2::splat(9), SvgfSettings::PAPER);
+    /// // A sky: no surface, so the filter changes nothing.
+    /// pass.set_surfaces(|_| SvgfSurface {
+    ///     position: Vec3::ZERO,
+    ///     reach: 0.0,
+    ///     normal: Vec3::Y,
+    /// });
+    /// pass.set_image(|at| ([at.x as f32], 1.0));
+    /// pass.filter(|_| ());
+    /// assert_eq!(pass.at(UVec2::new(5, 4)).0, [5.0]);
+    /// ```
     pub fn set_surfaces(&mut self, read: impl Fn(UVec2) -> SvgfSurface + Sync + Send) {
         self.raw = true;
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
@@ -697,6 +772,16 @@ impl<const C: usize> SvgfPass<C> {
     }
 
     /// The image to filter, and the variance of its luminance.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::svgf::SvgfSettings;
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let mut pass = SvgfPass::<3>::new(UVec2::splat(9), SvgfSettings::PAPER);
+    /// pass.set_image(|at| ([at.x as f32, at.y as f32, 0.0], 0.25));
+    /// assert_eq!(pass.at(UVec2::new(5, 4)), ([5.0, 4.0, 0.0], 0.25));
+    /// ```
     pub fn set_image(&mut self, read: impl Fn(UVec2) -> ([f32; C], f32) + Sync + Send) {
         self.raw = true;
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
@@ -712,6 +797,18 @@ impl<const C: usize> SvgfPass<C> {
 
     /// A row of a channel, or of the variance for `channel == C`.
     ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::svgf::SvgfSettings;
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let mut pass = SvgfPass::<1>::new(UVec2::new(3, 2), SvgfSettings::PAPER);
+    /// pass.set_image(|at| ([at.x as f32], 0.25));
+    /// assert_eq!(pass.row(1, 0), [0.0, 1.0, 2.0]);
+    /// // After the channels comes the variance.
+    /// assert_eq!(pass.row(1, 1), [0.25; 3]);
+    /// ```
+    ///
     /// # Panics
     /// If there is no such row or channel.
     #[must_use]
@@ -722,6 +819,16 @@ impl<const C: usize> SvgfPass<C> {
     }
 
     /// A pixel's value and variance.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::svgf::SvgfSettings;
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let mut pass = SvgfPass::<1>::new(UVec2::new(3, 2), SvgfSettings::PAPER);
+    /// pass.set_image(|at| ([at.x as f32], 0.25));
+    /// assert_eq!(pass.at(UVec2::new(2, 1)), ([2.0], 0.25));
+    /// ```
     ///
     /// # Panics
     /// If it lies outside.
@@ -736,6 +843,26 @@ impl<const C: usize> SvgfPass<C> {
 
     /// All passes, one after the other; `feedback` sees the image after the pass
     /// whose output becomes the history.
+    ///
+    /// ```
+    /// use glam::{UVec2, Vec3};
+    /// use raytwin_cpu::filter::svgf::{SvgfSettings, SvgfSurface};
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let size = UVec2::splat(9);
+    /// let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+    /// pass.set_surfaces(|at| SvgfSurface {
+    ///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+    ///     reach: 0.1,
+    ///     normal: Vec3::Y,
+    /// });
+    /// pass.set_image(|at| ([((at.x + at.y) % 2) as f32], 0.25));
+    /// // The first pass's output is the next frame's history.
+    /// let mut history = Vec::new();
+    /// pass.filter(|image| history.extend_from_slice(image.row(4, 0)));
+    /// assert_eq!(history.len(), 9);
+    /// assert_ne!(history, pass.row(4, 0));
+    /// ```
     pub fn filter(&mut self, mut feedback: impl FnMut(&Self)) {
         for i in 0..self.settings.passes.min(16) {
             self.atrous(1 << i);
@@ -750,6 +877,23 @@ impl<const C: usize> SvgfPass<C> {
     /// every one exactly 0, with a variance of 0, and where there is no surface.
     /// Gives the same bits, and the tiles that were to be filtered; of a row
     /// whole blocks are.
+    ///
+    /// ```
+    /// use glam::{UVec2, Vec3};
+    /// use raytwin_cpu::filter::svgf::{SvgfSettings, SvgfSurface};
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let mut pass = SvgfPass::<1>::new(UVec2::new(256, 8), SvgfSettings::PAPER);
+    /// pass.set_surfaces(|at| SvgfSurface {
+    ///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+    ///     reach: 0.1,
+    ///     normal: Vec3::Y,
+    /// });
+    /// // A shadow's soft edge at the left; all the rest is lit.
+    /// pass.set_image(|at| ([(at.x as f32 / 16.0).min(1.0)], 0.0));
+    /// let tiles = pass.filter_tiles(|_| ());
+    /// assert!(tiles.is_needed(UVec2::ZERO) && !tiles.is_needed(UVec2::new(31, 0)));
+    /// ```
     pub fn filter_tiles(&mut self, feedback: impl FnMut(&Self)) -> TileMask {
         let mask = self.find_tiles();
         self.tiles = Some(mask.clone());
@@ -814,6 +958,43 @@ impl<const C: usize> SvgfPass<C> {
 
     /// One pass, with taps `step` pixels apart, at most as far as the widest of
     /// [`Self::filter`].
+    ///
+    /// ```
+    /// use glam::{UVec2, Vec3};
+    /// use raytwin_cpu::filter::svgf::{
+    ///     SvgfSample, SvgfSettings, SvgfSurface, svgf_atrous_scalar_pixel,
+    /// };
+    /// use raytwin_cpu::pass::svgf::SvgfPass;
+    ///
+    /// let size = UVec2::splat(9);
+    /// let mut pass = SvgfPass::<1>::new(size, SvgfSettings::PAPER);
+    /// pass.set_surfaces(|at| SvgfSurface {
+    ///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+    ///     reach: 0.1,
+    ///     normal: Vec3::Y,
+    /// });
+    /// pass.set_image(|at| ([((at.x + at.y) % 2) as f32], 0.25));
+    /// pass.atrous(1);
+    /// // The bits of the filter for one pixel.
+    /// let surface = |at: UVec2| SvgfSurface {
+    ///     position: Vec3::new(at.x as f32, 0.0, at.y as f32),
+    ///     reach: 0.1,
+    ///     normal: Vec3::Y,
+    /// };
+    /// let read = |at: UVec2| SvgfSample {
+    ///     value: ((at.x + at.y) % 2) as f32,
+    ///     variance: 0.25,
+    /// };
+    /// let pixel = svgf_atrous_scalar_pixel(
+    ///     UVec2::splat(4),
+    ///     size,
+    ///     1,
+    ///     SvgfSettings::PAPER,
+    ///     surface,
+    ///     read,
+    /// );
+    /// assert_eq!(pass.at(UVec2::splat(4)), ([pixel.value], pixel.variance));
+    /// ```
     pub fn atrous(&mut self, step: u32) {
         if self.size.x == 0 || self.size.y == 0 {
             return;

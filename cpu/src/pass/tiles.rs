@@ -11,6 +11,17 @@ use crate::filter::tiles::{
 };
 
 /// The tiles of an image that a filter has to touch.
+///
+/// ```
+/// use glam::UVec2;
+/// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+/// use raytwin_cpu::pass::tiles::TileMask;
+///
+/// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+/// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+/// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+/// assert_eq!(mask.span(0), 4..6);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TileMask {
     tiles: UVec2,
@@ -22,12 +33,35 @@ impl TileMask {
     /// The mask for a filter that reaches `reach` tiles to either side
     /// (`tiles_reach`); `read(at)` gives a pixel's flags. Each side of the image
     /// is below 2^20.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+    /// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+    /// assert!(
+    ///     mask.is_needed(UVec2::new(4, 0)) && !mask.is_needed(UVec2::new(3, 0))
+    /// );
+    /// ```
     #[must_use]
     pub fn new(size: UVec2, reach: u32, read: impl Fn(UVec2) -> u32 + Sync + Send) -> Self {
         Self::from_tiles(size, reach, |tile| tiles_flags(tile, size, &read))
     }
 
     /// As [`Self::new`], from the flags of whole tiles.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// let read = |tile: UVec2| if tile.x < 5 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::from_tiles(UVec2::new(80, 8), 2, read);
+    /// assert_eq!(mask.span(0), 3..7);
+    /// ```
     #[must_use]
     pub fn from_tiles(size: UVec2, reach: u32, read: impl Fn(UVec2) -> u32 + Sync + Send) -> Self {
         let tiles = tiles_count(size);
@@ -58,12 +92,35 @@ impl TileMask {
     }
 
     /// Tiles across and down.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::TILES_LIT;
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// let mask = TileMask::new(UVec2::new(1920, 1080), 8, |_| TILES_LIT);
+    /// assert_eq!(mask.tiles(), UVec2::new(240, 135));
+    /// ```
     #[must_use]
     pub fn tiles(&self) -> UVec2 {
         self.tiles
     }
 
     /// Whether a tile is to be filtered; one outside is not.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+    /// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+    /// assert!(mask.is_needed(UVec2::new(4, 0)));
+    /// assert!(
+    ///     !mask.is_needed(UVec2::new(0, 0)) && !mask.is_needed(UVec2::new(99, 0))
+    /// );
+    /// ```
     #[must_use]
     pub fn is_needed(&self, tile: UVec2) -> bool {
         let inside = tile.x < self.tiles.x && tile.y < self.tiles.y;
@@ -71,6 +128,17 @@ impl TileMask {
     }
 
     /// The tiles of a row from the first to the last that is to be filtered.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+    /// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+    /// assert_eq!(mask.span(0), 4..6);
+    /// ```
     #[must_use]
     pub fn span(&self, row: u32) -> Range<u32> {
         let columns = || (0..self.tiles.x).filter(|x| self.is_needed(UVec2::new(*x, row)));
@@ -81,12 +149,37 @@ impl TileMask {
     }
 
     /// The tiles to filter, row by row.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+    /// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+    /// let needed: Vec<_> = mask.iter().collect();
+    /// assert_eq!(needed, [UVec2::new(4, 0), UVec2::new(5, 0)]);
+    /// ```
     pub fn iter(&self) -> impl Iterator<Item = UVec2> + '_ {
         let needed = (0..).zip(&self.needed).filter(|(_, needed)| **needed);
         needed.map(|(i, _)| tiles_at(i, self.tiles.x))
     }
 
     /// How many tiles are to be filtered.
+    ///
+    /// ```
+    /// use glam::UVec2;
+    /// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_LIT};
+    /// use raytwin_cpu::pass::tiles::TileMask;
+    ///
+    /// // A shadow's edge between the tiles 4 and 5 of a row of ten.
+    /// let read = |at: UVec2| if at.x < 40 { TILES_DARK } else { TILES_LIT };
+    /// let mask = TileMask::new(UVec2::new(80, 8), 1, read);
+    /// assert_eq!(mask.count(), 2);
+    /// // Nothing but light: nothing to do.
+    /// assert_eq!(TileMask::new(UVec2::new(80, 8), 1, |_| TILES_LIT).count(), 0);
+    /// ```
     #[must_use]
     pub fn count(&self) -> usize {
         self.needed.iter().filter(|needed| **needed).count()

@@ -51,6 +51,17 @@ fn contains(node: &BvhNode, inner: &BvhNode) -> bool {
 /// their parent and have one, boxes are finite and contain those below, leaves
 /// are within the list, and the depth.
 ///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8Fault, check_nodes};
+/// use raytwin_cpu::ray::bvh::BvhNode;
+///
+/// let leaf = BvhNode { min: Vec3::ZERO, first: 0, max: Vec3::ONE, count: 4 };
+/// assert_eq!(check_nodes(&[leaf], 4), Ok(()));
+/// // The list has only three triangles.
+/// assert_eq!(check_nodes(&[leaf], 3), Err(Bvh8Fault::Range { node: 0 }));
+/// ```
+///
 /// # Errors
 /// The first fault found, with its node.
 pub fn check_nodes(nodes: &[BvhNode], items: usize) -> Result<(), Bvh8Fault> {

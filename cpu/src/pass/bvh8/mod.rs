@@ -66,6 +66,31 @@ impl Node {
 }
 
 /// Which sides of a triangle a ray can hit.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Faces, triangle_box};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let (min, max) = triangle_box(a, b, c);
+/// let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+/// let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+/// let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// // The triangle is seen from its front, then from behind.
+/// assert!(tree.any_of(&ray, Faces::Front));
+/// let behind =
+///     Ray { origin: Vec3::new(0.25, 0.5, -2.0), direction: Vec3::Z, ..ray };
+/// assert!(tree.any(&behind) && !tree.any_of(&behind, Faces::Front));
+/// # Ok::<(), Bvh8Fault>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Faces {
     /// Both.
@@ -80,6 +105,29 @@ pub enum Faces {
 ///
 /// The default is all of them. [`Faces`] alone turn into a filter, so
 /// `closest_of(&ray, Faces::Front)` is enough where there are no masks.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Filter, triangle_box};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let (min, max) = triangle_box(a, b, c);
+/// let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+/// let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+/// let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// // Only triangles with bit 2; this one has bit 1.
+/// let filter = Filter { mask: 4, masks: &[2], ..Filter::ALL };
+/// assert!(!tree.any_of(&ray, filter));
+/// # Ok::<(), Bvh8Fault>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Filter<'a> {
     /// The sides that can be hit.
@@ -123,6 +171,22 @@ impl From<Faces> for Filter<'_> {
 }
 
 /// Why a tree could not be refitted.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, RefitError, triangle_box};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+///
+/// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let (min, max) = triangle_box(a, b, c);
+/// let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+/// let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+/// let mut tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+/// // A mesh with fewer vertices than its triangle asks for.
+/// let error = tree.refit(&[a, b], &[[0, 1, 2]]);
+/// assert_eq!(error, Err(RefitError { primitive: 0 }));
+/// # Ok::<(), Bvh8Fault>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefitError {
     /// The triangle that has no indices, no vertex, or one that is not finite
@@ -169,6 +233,13 @@ impl Block {
 }
 
 /// What kind of instructions a walk uses. The hits are the same.
+///
+/// ```
+/// use raytwin_cpu::pass::bvh8::Level;
+///
+/// let best = Level::best();
+/// assert!(Level::all().contains(&best));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Level(Kind);
 
@@ -183,6 +254,13 @@ enum Kind {
 
 impl Level {
     /// Every level that this processor has, slowest first.
+    ///
+    /// ```
+    /// use raytwin_cpu::pass::bvh8::Level;
+    ///
+    /// // The portable level is there on every processor.
+    /// assert_eq!(Level::all()[0].name(), "portable");
+    /// ```
     #[must_use]
     pub fn all() -> Vec<Self> {
         #[allow(unused_mut)]
@@ -207,12 +285,27 @@ impl Level {
     }
 
     /// The fastest level that this processor has.
+    ///
+    /// ```
+    /// use raytwin_cpu::pass::bvh8::Level;
+    ///
+    /// assert_eq!(Level::all().last(), Some(&Level::best()));
+    /// ```
     #[must_use]
     pub fn best() -> Self {
         Self::all().pop().unwrap_or(Self(Kind::Portable))
     }
 
     /// A short name.
+    ///
+    /// ```
+    /// use raytwin_cpu::pass::bvh8::Level;
+    ///
+    /// for level in Level::all() {
+    ///     println!("{}", level.name());
+    /// }
+    /// assert!(["portable", "AVX2", "AVX-512"].contains(&Level::best().name()));
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self.0 {
@@ -226,6 +319,19 @@ impl Level {
 }
 
 /// Why a binary tree cannot be collapsed.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhView};
+///
+/// // A node that says it is its own child.
+/// let node = BvhNode { min: Vec3::ZERO, first: 0, max: Vec3::ONE, count: 0 };
+/// let view = BvhView { nodes: &[node], triangles: &[] };
+/// let fault = Bvh8::new(view).unwrap_err();
+/// assert_eq!(fault, Bvh8Fault::Child { node: 0, child: 0 });
+/// println!("{fault}");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bvh8Fault {
     /// A child index outside the tree, or not above its parent's.
@@ -293,6 +399,27 @@ impl fmt::Display for Bvh8Fault {
 impl std::error::Error for Bvh8Fault {}
 
 /// A tree of eight children a node.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+/// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+/// use raytwin_cpu::ray::ray::Ray;
+///
+/// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let (min, max) = triangle_box(a, b, c);
+/// let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+/// let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+/// let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(tree.closest(&ray).primitive, 0);
+/// # Ok::<(), Bvh8Fault>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     nodes: Vec<Node>,
@@ -343,6 +470,16 @@ fn group_avx512<const ANY: bool>(
 /// Four times the margin that the leaf test applies to the triangle's own box,
 /// and then outwards to the next number, so that rounding on the way cannot
 /// make the leaf test's box the larger one.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::pass::bvh8::triangle_box;
+///
+/// // The triangle's own box, and a little more on every side.
+/// let (min, max) = triangle_box(Vec3::ZERO, Vec3::X, Vec3::Y);
+/// assert!(min.max_element() < 0.0 && min.min_element() > -1e-5);
+/// assert!(max.z > 0.0 && max.x > 1.0 && max.x < 1.00001);
+/// ```
 #[inline]
 #[must_use]
 pub fn triangle_box(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, Vec3) {
@@ -369,6 +506,30 @@ fn found(hits: &[BvhHit]) -> Vec<bool> {
 impl Bvh8 {
     /// Collapses a binary tree.
     ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView, bvh_closest};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// let (min, max) = triangle_box(a, b, c);
+    /// let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // The same hit as in the binary tree.
+    /// let binary =
+    ///     bvh_closest(&BvhView { nodes: &nodes, triangles: &triangles }, ray);
+    /// assert_eq!(tree.closest(&ray), binary);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
+    ///
     /// # Errors
     /// The first fault found in the tree: indices outside, cycles, nodes with
     /// several parents or none, boxes that are not finite or do not contain
@@ -379,24 +540,94 @@ impl Bvh8 {
     }
 
     /// The same tree, walked with other instructions.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Level, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let hit = tree.closest(&ray);
+    /// // All levels give the same hit.
+    /// for level in Level::all() {
+    ///     assert_eq!(tree.clone().with_level(level).closest(&ray), hit);
+    /// }
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn with_level(self, level: Level) -> Self {
         Self { level, ..self }
     }
 
     /// The instructions that walks use: at first the best there are.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Level, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// assert_eq!(tree.level(), Level::best());
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn level(&self) -> Level {
         self.level
     }
 
     /// Bytes of nodes and triangles.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// // One block of eight triangles, of which one is used.
+    /// assert_eq!(tree.bytes(), 320);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn bytes(&self) -> usize {
         std::mem::size_of_val(&*self.nodes) + std::mem::size_of_val(&*self.blocks)
     }
 
     /// The mean number of children of a node, and of triangles of a block.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// // No node; a block with one triangle.
+    /// let (_, triangles_of_block) = tree.fill();
+    /// assert_eq!(triangles_of_block, 1.0);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn fill(&self) -> (f32, f32) {
         let children = self.nodes.iter().flat_map(|n| n.planes[0][0]);
@@ -425,24 +656,118 @@ impl Bvh8 {
 
     /// The closest triangle that a ray meets within its range, ends included:
     /// [`bvh_closest`](crate::ray::bvh::bvh_closest), every bit of it.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let hit = tree.closest(&ray);
+    /// assert_eq!((hit.primitive, hit.t, hit.u, hit.v), (0, 2.0, 0.25, 0.5));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest(&self, ray: &Ray) -> BvhHit {
         self.walk::<false>(ray, Filter::ALL)
     }
 
     /// Whether the ray meets any triangle within its range, ends included.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// assert!(tree.any(&ray));
+    /// // A light at distance 1 is not hidden by it.
+    /// assert!(!tree.any(&Ray { t_max: 1.0, ..ray }));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any(&self, ray: &Ray) -> bool {
         self.walk::<true>(ray, Filter::ALL).primitive != BVH_MISS
     }
 
     /// [`Self::closest`] among the triangles that the filter lets through.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Faces, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// assert_eq!(tree.closest_of(&ray, Faces::Front), tree.closest(&ray));
+    /// // From behind, its front is not hit.
+    /// let behind =
+    ///     Ray { origin: Vec3::new(0.25, 0.5, -2.0), direction: Vec3::Z, ..ray };
+    /// assert_eq!(tree.closest_of(&behind, Faces::Front).primitive, BVH_MISS);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest_of<'a>(&self, ray: &Ray, filter: impl Into<Filter<'a>>) -> BvhHit {
         self.walk::<false>(ray, filter.into())
     }
 
     /// [`Self::any`] among the triangles that the filter lets through.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Filter, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let masks = [0b10];
+    /// let seen =
+    ///     |mask| tree.any_of(&ray, Filter { mask, masks: &masks, ..Filter::ALL });
+    /// assert!(seen(0b11) && !seen(0b01));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any_of<'a>(&self, ray: &Ray, filter: impl Into<Filter<'a>>) -> bool {
         self.walk::<true>(ray, filter.into()).primitive != BVH_MISS
@@ -464,24 +789,116 @@ impl Bvh8 {
     }
 
     /// [`Self::closest`] of each ray, in parallel with the feature `rayon`.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let away = Ray { direction: Vec3::Z, ..ray };
+    /// let hits = tree.closest_many(&[ray, away]);
+    /// assert_eq!((hits[0].primitive, hits[1].primitive), (0, BVH_MISS));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest_many(&self, rays: &[Ray]) -> Vec<BvhHit> {
         self.each::<false>(rays, Filter::ALL)
     }
 
     /// [`Self::any`] of each ray, in parallel with the feature `rayon`.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let away = Ray { direction: Vec3::Z, ..ray };
+    /// assert_eq!(tree.any_many(&[ray, away]), [true, false]);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any_many(&self, rays: &[Ray]) -> Vec<bool> {
         found(&self.each::<true>(rays, Filter::ALL))
     }
 
     /// [`Self::closest_of`] of each ray, in parallel with the feature `rayon`.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Faces, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let behind =
+    ///     Ray { origin: Vec3::new(0.25, 0.5, -2.0), direction: Vec3::Z, ..ray };
+    /// let hits = tree.closest_many_of(&[ray, behind], Faces::Front);
+    /// assert_eq!((hits[0].primitive, hits[1].primitive), (0, BVH_MISS));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest_many_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<BvhHit> {
         self.each::<false>(rays, filter.into())
     }
 
     /// [`Self::any_of`] of each ray, in parallel with the feature `rayon`.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Faces, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let behind =
+    ///     Ray { origin: Vec3::new(0.25, 0.5, -2.0), direction: Vec3::Z, ..ray };
+    /// assert_eq!(tree.any_many_of(&[ray, behind], Faces::Front), [true, false]);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any_many_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<bool> {
         found(&self.each::<true>(rays, filter.into()))
@@ -526,12 +943,62 @@ impl Bvh8 {
     /// go much the same way, as from a camera: sixteen at a time walk the tree
     /// together. The same hits; slower than [`Self::closest_many`] for rays
     /// that part.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // Neighbouring pixels of a camera.
+    /// let rays: Vec<_> = (0..40)
+    ///     .map(|i| Ray { origin: ray.origin + 0.01 * i as f32 * Vec3::X, ..ray })
+    ///     .collect();
+    /// assert_eq!(tree.closest_coherent(&rays), tree.closest_many(&rays));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest_coherent(&self, rays: &[Ray]) -> Vec<BvhHit> {
         self.groups::<false>(rays, Filter::ALL)
     }
 
     /// [`Self::any`] of each ray, for rays as in [`Self::closest_coherent`].
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let rays: Vec<_> = (0..40)
+    ///     .map(|i| Ray { origin: ray.origin + 0.1 * i as f32 * Vec3::X, ..ray })
+    ///     .collect();
+    /// let hidden = tree.any_coherent(&rays);
+    /// assert!(hidden[0] && !hidden[39]);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any_coherent(&self, rays: &[Ray]) -> Vec<bool> {
         found(&self.groups::<true>(rays, Filter::ALL))
@@ -539,6 +1006,28 @@ impl Bvh8 {
 
     /// [`Self::closest_of`] of each ray, for rays as in
     /// [`Self::closest_coherent`].
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Faces, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let hits = tree.closest_coherent_of(&[ray; 40], Faces::Front);
+    /// assert!(hits.iter().all(|hit| *hit == tree.closest(&ray)));
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn closest_coherent_of<'a>(
         &self,
@@ -549,6 +1038,28 @@ impl Bvh8 {
     }
 
     /// [`Self::any_of`] of each ray, for rays as in [`Self::closest_coherent`].
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, Filter, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let filter = Filter { mask: 1, masks: &[2], ..Filter::ALL };
+    /// assert_eq!(tree.any_coherent_of(&[ray; 40], filter), [false; 40]);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     #[must_use]
     pub fn any_coherent_of<'a>(&self, rays: &[Ray], filter: impl Into<Filter<'a>>) -> Vec<bool> {
         found(&self.groups::<true>(rays, filter.into()))
@@ -557,6 +1068,29 @@ impl Bvh8 {
     /// Moves the triangles to other vertices, and the boxes with them; the
     /// tree's shape stays. The hits are those of a tree built anew; the more
     /// the mesh is deformed, the longer they take.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use raytwin_cpu::pass::bvh8::{Bvh8, Bvh8Fault, triangle_box};
+    /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView};
+    /// use raytwin_cpu::ray::ray::Ray;
+    ///
+    /// # let (a, b, c) = (Vec3::ZERO, Vec3::X, Vec3::Y);
+    /// # let (min, max) = triangle_box(a, b, c);
+    /// # let triangles = [BvhTriangle { a, b, c, primitive: 0 }];
+    /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
+    /// # let mut tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // The triangle moves up by 1, toward the ray.
+    /// tree.refit(&[a + Vec3::Z, b + Vec3::Z, c + Vec3::Z], &[[0, 1, 2]]).unwrap();
+    /// assert_eq!(tree.closest(&ray).t, 1.0);
+    /// # Ok::<(), Bvh8Fault>(())
+    /// ```
     ///
     /// # Errors
     /// A primitive without indices, an index without a vertex, or a vertex
