@@ -35,10 +35,8 @@ impl SimdLevel {
     /// ```
     /// use raytwin_cpu::simd::SimdLevel;
     ///
-    /// let here: Vec<_> = SimdLevel::ALL
-    ///     .into_iter()
-    ///     .filter(|level| level.is_available())
-    ///     .collect();
+    /// let here: Vec<_> =
+    ///     SimdLevel::ALL.into_iter().filter(|level| level.is_available()).collect();
     /// assert_eq!(here.first(), Some(&SimdLevel::Baseline));
     /// ```
     #[must_use]
@@ -70,11 +68,7 @@ impl SimdLevel {
     ///
     /// let best = SimdLevel::best();
     /// assert!(best.is_available());
-    /// assert!(
-    ///     SimdLevel::ALL
-    ///         .iter()
-    ///         .all(|l| !l.is_available() || *l <= best)
-    /// );
+    /// assert!(SimdLevel::ALL.iter().all(|l| !l.is_available() || *l <= best));
     /// ```
     #[must_use]
     pub fn best() -> Self {

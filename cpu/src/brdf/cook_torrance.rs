@@ -134,7 +134,8 @@ pub fn cook_torrance_weight_visible(wo: Vec3, wi: Vec3, alpha: Vec2, f0: Vec3) -
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let alpha = ggx_alpha(0.5, 0.0);
 /// let ray = ggx_bounded_direction_sample(Vec2::new(0.3, 0.8), wo, alpha);
-/// let weight = cook_torrance_weight_bounded(wo, ray.direction, alpha, Vec3::ONE);
+/// let weight =
+///     cook_torrance_weight_bounded(wo, ray.direction, alpha, Vec3::ONE);
 /// // The same as value · cosine / density.
 /// let value = cook_torrance_eval(wo, ray.direction, alpha, Vec3::ONE);
 /// assert!((weight - value * ray.direction.z / ray.pdf).length() < 1e-4);

@@ -79,7 +79,9 @@ pub fn ggx_bounded_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
 ///
 /// ```
 /// use glam::{Vec2, Vec3};
-/// use raytwin_cpu::brdf::ggx_bounded::{ggx_bounded_invert, ggx_bounded_sample};
+/// use raytwin_cpu::brdf::ggx_bounded::{
+///     ggx_bounded_invert, ggx_bounded_sample,
+/// };
 ///
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let alpha = Vec2::splat(0.3);

@@ -90,7 +90,9 @@ pub fn ggx_visible_sample(u: Vec2, wo: Vec3, alpha: Vec2) -> Vec3 {
 ///
 /// ```
 /// use glam::{Vec2, Vec3};
-/// use raytwin_cpu::brdf::ggx_visible::{ggx_visible_invert, ggx_visible_sample};
+/// use raytwin_cpu::brdf::ggx_visible::{
+///     ggx_visible_invert, ggx_visible_sample,
+/// };
 ///
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let alpha = Vec2::splat(0.3);
@@ -196,10 +198,7 @@ pub fn ggx_visible_invert_heitz(h: Vec3, wo: Vec3, alpha: Vec2) -> Vec2 {
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let alpha = Vec2::splat(0.3);
 /// // Straight on it is the distribution itself; normals turned away have none.
-/// assert_eq!(
-///     ggx_visible_pdf(Vec3::Z, Vec3::Z, alpha),
-///     ggx_d(Vec3::Z, alpha)
-/// );
+/// assert_eq!(ggx_visible_pdf(Vec3::Z, Vec3::Z, alpha), ggx_d(Vec3::Z, alpha));
 /// assert_eq!(ggx_visible_pdf(Vec3::new(-0.96, 0.0, 0.28), wo, alpha), 0.0);
 /// ```
 #[inline]

@@ -91,10 +91,8 @@ pub struct LayeredLayer {
 /// };
 /// // Red paint under clear coat.
 /// let paint = Vec3::new(0.7, 0.05, 0.05);
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: layered_diffuse(paint, coat),
-/// };
+/// let stack =
+///     LayeredStack { layers: [coat], diffuse: layered_diffuse(paint, coat) };
 /// let seen = layered_eval(&stack, Vec3::new(0.6, 0.0, 0.8), Vec3::Z);
 /// assert!(seen.x > seen.y);
 /// ```
@@ -119,10 +117,7 @@ pub struct LayeredStack<const N: usize> {
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.1),
 /// };
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: Vec3::splat(0.5),
-/// };
+/// let stack = LayeredStack { layers: [coat], diffuse: Vec3::splat(0.5) };
 /// let pmf = layered_pmf(&stack, Vec3::Z);
 /// assert!((pmf.layers[0] + pmf.diffuse - 1.0).abs() < 1e-6);
 /// ```
@@ -139,7 +134,9 @@ pub struct LayeredPmf<const N: usize> {
 ///
 /// ```
 /// use glam::{Vec2, Vec3};
-/// use raytwin_cpu::brdf::layered::{LayeredLayer, LayeredStack, layered_sample};
+/// use raytwin_cpu::brdf::layered::{
+///     LayeredLayer, LayeredStack, layered_sample,
+/// };
 ///
 /// let coat = LayeredLayer {
 ///     reflectance: Vec3::splat(0.04),
@@ -147,10 +144,7 @@ pub struct LayeredPmf<const N: usize> {
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.1),
 /// };
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: Vec3::splat(0.5),
-/// };
+/// let stack = LayeredStack { layers: [coat], diffuse: Vec3::splat(0.5) };
 /// // A large `u.z` draws the base, which is numbered after the layers.
 /// let drawn = layered_sample(&stack, Vec3::Z, Vec3::new(0.3, 0.8, 0.9));
 /// assert_eq!(drawn.lobe, 1);
@@ -311,10 +305,7 @@ fn layered_through(layer: LayeredLayer, o: Vec3, i: Vec3, below_o: Vec3, below_i
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.3),
 /// };
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: Vec3::splat(0.5),
-/// };
+/// let stack = LayeredStack { layers: [coat], diffuse: Vec3::splat(0.5) };
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let wi = Vec3::new(-0.48, 0.36, 0.8);
 /// // Light and viewer may be exchanged.
@@ -372,10 +363,7 @@ pub fn layered_eval<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3)
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.1),
 /// };
-/// let stack = LayeredStack {
-///     layers: [metal],
-///     diffuse: Vec3::ZERO,
-/// };
+/// let stack = LayeredStack { layers: [metal], diffuse: Vec3::ZERO };
 /// // Nothing lies under a metal, so it is always drawn.
 /// let pmf = layered_pmf(&stack, Vec3::Z);
 /// assert_eq!((pmf.layers[0], pmf.diffuse), (1.0, 0.0));
@@ -438,10 +426,7 @@ pub fn layered_pmf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3) -> Layered
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.3),
 /// };
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: Vec3::splat(0.5),
-/// };
+/// let stack = LayeredStack { layers: [coat], diffuse: Vec3::splat(0.5) };
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let drawn = layered_sample(&stack, wo, Vec3::new(0.3, 0.8, 0.9));
 /// assert_eq!(drawn.pdf, layered_pdf(&stack, wo, drawn.direction));
@@ -488,10 +473,7 @@ pub fn layered_pdf<const N: usize>(stack: &LayeredStack<N>, wo: Vec3, wi: Vec3) 
 ///     depth: Vec3::ZERO,
 ///     alpha: Vec2::splat(0.3),
 /// };
-/// let stack = LayeredStack {
-///     layers: [coat],
-///     diffuse: Vec3::splat(0.5),
-/// };
+/// let stack = LayeredStack { layers: [coat], diffuse: Vec3::splat(0.5) };
 /// let wo = Vec3::new(0.6, 0.0, 0.8);
 /// let drawn = layered_sample(&stack, wo, Vec3::new(0.3, 0.8, 0.9));
 /// // The weight is value · cosine / density.

@@ -48,7 +48,8 @@ pub struct ReflectionRay {
 ///
 /// ```
 /// use raytwin_cpu::brdf::reflection::{
-///     REFLECTION_DIFFUSE, REFLECTION_MIRROR, REFLECTION_SAMPLED, reflection_kind,
+///     REFLECTION_DIFFUSE, REFLECTION_MIRROR, REFLECTION_SAMPLED,
+///     reflection_kind,
 /// };
 ///
 /// assert_eq!(reflection_kind(0.01, 0.05, 0.7), REFLECTION_MIRROR);

@@ -38,10 +38,7 @@ const LOG2_E: f32 = 1.442695;
 ///     normal: Vec3::Y,
 /// };
 /// // Without a surface a pixel has no reach.
-/// let sky = BilateralUpsampleSurface {
-///     reach: 0.0,
-///     ..floor
-/// };
+/// let sky = BilateralUpsampleSurface { reach: 0.0, ..floor };
 /// let weight = |s: BilateralUpsampleSurface| {
 ///     bilateral_upsample_weight(s.normal, Vec3::Y, Vec3::X, s.reach)
 /// };
@@ -74,11 +71,8 @@ pub struct BilateralUpsampleSurface {
 ///     position: Vec3::ZERO,
 ///     normal: Vec3::Y,
 /// };
-/// let grey = BilateralUpsampleTap {
-///     color: Vec3::splat(0.5),
-///     weight: 1.0,
-///     ..none
-/// };
+/// let grey =
+///     BilateralUpsampleTap { color: Vec3::splat(0.5), weight: 1.0, ..none };
 /// let floor = BilateralUpsampleSurface {
 ///     position: Vec3::ZERO,
 ///     reach: 0.1,

@@ -52,10 +52,14 @@ const BILATERAL_VARIANCE_BITS: u32 = 0x7b80_0000;
 ///     normal: Vec3::Y,
 /// };
 /// // Without variance a pixel stays as it is.
-/// let color =
-///     bilateral_variance_pixel(UVec2::ONE, UVec2::splat(3), 8.0, 32, 0.0, |_| {
-///         known
-///     });
+/// let color = bilateral_variance_pixel(
+///     UVec2::ONE,
+///     UVec2::splat(3),
+///     8.0,
+///     32,
+///     0.0,
+///     |_| known,
+/// );
 /// assert_eq!(color, Vec3::ONE);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +90,9 @@ pub struct BilateralVariancePixel {
 /// // For grey it is the square of the value, up to rounding.
 /// assert!((bilateral_variance_square(Vec3::splat(3.0)) - 9.0).abs() < 1e-5);
 /// // Channels count as in luminance: green most.
-/// assert!(bilateral_variance_square(Vec3::Y) > bilateral_variance_square(Vec3::X));
+/// assert!(
+///     bilateral_variance_square(Vec3::Y) > bilateral_variance_square(Vec3::X)
+/// );
 /// ```
 #[inline]
 #[must_use]
@@ -211,8 +217,10 @@ pub fn bilateral_variance_offset(index: u32, taps: u32, radius: f32, turn: f32) 
 /// use raytwin_cpu::filter::bilateral_variance::bilateral_variance_weight;
 ///
 /// let grey = Vec3::ZERO;
-/// let same = bilateral_variance_weight(Vec3::Y, Vec3::Y, Vec3::X, 0.1, grey, 0.01);
-/// let edge = bilateral_variance_weight(Vec3::Y, Vec3::X, Vec3::X, 0.1, grey, 0.01);
+/// let same =
+///     bilateral_variance_weight(Vec3::Y, Vec3::Y, Vec3::X, 0.1, grey, 0.01);
+/// let edge =
+///     bilateral_variance_weight(Vec3::Y, Vec3::X, Vec3::X, 0.1, grey, 0.01);
 /// // A difference of 4 standard deviations weighs 1/e.
 /// let far = bilateral_variance_weight(
 ///     Vec3::Y,
@@ -288,7 +296,8 @@ pub fn bilateral_variance_weight(
 ///     }
 /// };
 /// let size = UVec2::splat(16);
-/// let color = bilateral_variance_pixel(UVec2::splat(8), size, 8.0, 32, 0.3, read);
+/// let color =
+///     bilateral_variance_pixel(UVec2::splat(8), size, 8.0, 32, 0.3, read);
 /// assert!((color.x - 1.0).abs() < 0.1);
 /// ```
 #[inline]

@@ -201,10 +201,7 @@ pub fn firefly_rank(color: Vec3, range: FireflyRange) -> Vec3 {
 ///     stats = firefly_stats_add(stats, Vec3::splat(value));
 /// }
 /// // Mean 2, and each is one away from it.
-/// assert_eq!(
-///     (stats.mean, stats.spread),
-///     (Vec3::splat(2.0), Vec3::splat(2.0))
-/// );
+/// assert_eq!((stats.mean, stats.spread), (Vec3::splat(2.0), Vec3::splat(2.0)));
 /// ```
 #[inline]
 #[must_use]
@@ -283,13 +280,8 @@ pub fn firefly_limit(stats: FireflyStats, gamma: f32) -> Vec3 {
 /// use raytwin_cpu::filter::firefly::firefly_range;
 ///
 /// // A bright pixel in the middle does not count for itself.
-/// let read = |at: UVec2| {
-///     if at == UVec2::ONE {
-///         Vec3::splat(500.0)
-///     } else {
-///         Vec3::ONE
-///     }
-/// };
+/// let read =
+///     |at: UVec2| if at == UVec2::ONE { Vec3::splat(500.0) } else { Vec3::ONE };
 /// let range = firefly_range(UVec2::ONE, UVec2::splat(3), read);
 /// assert_eq!((range.high, range.count), (Vec3::ONE, 8));
 /// ```
@@ -332,11 +324,7 @@ where
 /// use raytwin_cpu::filter::firefly::firefly_stats;
 ///
 /// let read = |at: UVec2| {
-///     if at == UVec2::splat(2) {
-///         Vec3::splat(500.0)
-///     } else {
-///         Vec3::ONE
-///     }
+///     if at == UVec2::splat(2) { Vec3::splat(500.0) } else { Vec3::ONE }
 /// };
 /// let stats = firefly_stats(UVec2::splat(2), UVec2::splat(5), read);
 /// assert_eq!(
@@ -379,17 +367,9 @@ where
 /// use glam::{UVec2, Vec3};
 /// use raytwin_cpu::filter::firefly::firefly_cap_pixel;
 ///
-/// let read = |at: UVec2| {
-///     if at == UVec2::ONE {
-///         Vec3::splat(500.0)
-///     } else {
-///         Vec3::ONE
-///     }
-/// };
-/// assert_eq!(
-///     firefly_cap_pixel(UVec2::ONE, UVec2::splat(3), read),
-///     Vec3::ONE
-/// );
+/// let read =
+///     |at: UVec2| if at == UVec2::ONE { Vec3::splat(500.0) } else { Vec3::ONE };
+/// assert_eq!(firefly_cap_pixel(UVec2::ONE, UVec2::splat(3), read), Vec3::ONE);
 /// ```
 #[inline]
 #[must_use]
@@ -419,13 +399,8 @@ where
 /// use raytwin_cpu::filter::firefly::firefly_rank_pixel;
 ///
 /// // A pixel that no sample reached, black between grey ones.
-/// let read = |at: UVec2| {
-///     if at == UVec2::ONE {
-///         Vec3::ZERO
-///     } else {
-///         Vec3::splat(0.5)
-///     }
-/// };
+/// let read =
+///     |at: UVec2| if at == UVec2::ONE { Vec3::ZERO } else { Vec3::splat(0.5) };
 /// let color = firefly_rank_pixel(UVec2::ONE, UVec2::splat(3), read);
 /// assert_eq!(color, Vec3::splat(0.5));
 /// ```
@@ -464,11 +439,7 @@ where
 /// use raytwin_cpu::filter::firefly::firefly_clamp_pixel;
 ///
 /// let read = |at: UVec2| {
-///     if at == UVec2::splat(2) {
-///         Vec3::splat(500.0)
-///     } else {
-///         Vec3::ONE
-///     }
+///     if at == UVec2::splat(2) { Vec3::splat(500.0) } else { Vec3::ONE }
 /// };
 /// // Its neighbours agree, so it may not exceed them.
 /// let color = firefly_clamp_pixel(UVec2::splat(2), UVec2::splat(5), 3.0, read);

@@ -276,10 +276,7 @@ pub fn packed_visibility_area(pixel: UVec2, size: UVec2) -> u32 {
 ///
 /// // Every ray reached the light: 9 pixels at the border, 17 away from it.
 /// let size = UVec2::new(64, 32);
-/// assert_eq!(
-///     packed_visibility_horizontal(UVec2::ZERO, size, |_| u32::MAX),
-///     9
-/// );
+/// assert_eq!(packed_visibility_horizontal(UVec2::ZERO, size, |_| u32::MAX), 9);
 /// let inside = UVec2::new(20, 15);
 /// assert_eq!(packed_visibility_horizontal(inside, size, |_| u32::MAX), 17);
 /// ```

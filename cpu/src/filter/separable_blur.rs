@@ -43,7 +43,8 @@ const LOG2_E: f32 = 1.442695;
 ///     value: 0.25,
 /// };
 /// // A constant image stays as it is.
-/// let blurred = separable_blur_pixel(UVec2::ONE, UVec2::splat(3), 0, 2, |_| pixel);
+/// let blurred =
+///     separable_blur_pixel(UVec2::ONE, UVec2::splat(3), 0, 2, |_| pixel);
 /// assert_eq!(blurred, 0.25);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -208,10 +208,7 @@ pub fn spatial_reconstruct_edge(normal: Vec3, other_normal: Vec3, offset: Vec3, 
 /// use raytwin_cpu::filter::spatial_reconstruct::spatial_reconstruct_usable;
 ///
 /// assert_eq!(spatial_reconstruct_usable(1.0, 0.5, Vec3::ONE), 1);
-/// assert_eq!(
-///     spatial_reconstruct_usable(1.0, 0.5, Vec3::splat(f32::NAN)),
-///     0
-/// );
+/// assert_eq!(spatial_reconstruct_usable(1.0, 0.5, Vec3::splat(f32::NAN)), 0);
 /// ```
 #[inline]
 #[must_use]

@@ -76,10 +76,7 @@ pub(crate) const LOG2_E: f32 = 1.442695;
 /// use raytwin_cpu::filter::svgf::SvgfSettings;
 ///
 /// // The paper's, with a filter half as sensitive to luminance.
-/// let softer = SvgfSettings {
-///     sigma_luminance: 8.0,
-///     ..SvgfSettings::PAPER
-/// };
+/// let softer = SvgfSettings { sigma_luminance: 8.0, ..SvgfSettings::PAPER };
 /// assert_eq!((softer.passes, softer.radius), (5, 2));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,14 +137,8 @@ impl SvgfSettings {
 /// use glam::{UVec2, Vec3};
 /// use raytwin_cpu::filter::svgf::{SvgfSample, svgf_gaussian_pixel};
 ///
-/// let sample = SvgfSample {
-///     value: Vec3::ONE,
-///     variance: 0.04,
-/// };
-/// assert_eq!(
-///     svgf_gaussian_pixel(UVec2::ZERO, UVec2::ONE, |_| sample),
-///     0.04
-/// );
+/// let sample = SvgfSample { value: Vec3::ONE, variance: 0.04 };
+/// assert_eq!(svgf_gaussian_pixel(UVec2::ZERO, UVec2::ONE, |_| sample), 0.04);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -172,20 +163,10 @@ pub type SvgfScalar = SvgfSample<f32>;
 ///     SvgfSample, SvgfSettings, SvgfSurface, svgf_atrous_scalar_pixel,
 /// };
 ///
-/// let floor = SvgfSurface {
-///     position: Vec3::ZERO,
-///     reach: 0.1,
-///     normal: Vec3::Y,
-/// };
+/// let floor = SvgfSurface { position: Vec3::ZERO, reach: 0.1, normal: Vec3::Y };
 /// // Without a surface a pixel keeps its value.
-/// let sky = SvgfSurface {
-///     reach: 0.0,
-///     ..floor
-/// };
-/// let sample = SvgfSample {
-///     value: 0.25,
-///     variance: 1.0,
-/// };
+/// let sky = SvgfSurface { reach: 0.0, ..floor };
+/// let sample = SvgfSample { value: 0.25, variance: 1.0 };
 /// let out = svgf_atrous_scalar_pixel(
 ///     UVec2::ZERO,
 ///     UVec2::ONE,
@@ -346,7 +327,9 @@ pub fn svgf_luminance_weight(difference: f32, scale: f32) -> f32 {
 ///
 /// // Along the plane nothing is lost, off it 1/e a reach.
 /// assert_eq!(svgf_depth_weight(Vec3::Y, Vec3::X, 0.1), 1.0);
-/// assert!((svgf_depth_weight(Vec3::Y, 0.1 * Vec3::Y, 0.1) - 0.3679).abs() < 1e-4);
+/// assert!(
+///     (svgf_depth_weight(Vec3::Y, 0.1 * Vec3::Y, 0.1) - 0.3679).abs() < 1e-4
+/// );
 /// ```
 #[inline]
 #[must_use]
@@ -464,8 +447,8 @@ pub(crate) fn svgf_fade(exponent: f32) -> f32 {
 /// ```
 /// use glam::Vec3;
 /// use raytwin_cpu::filter::svgf::{
-///     svgf_depth_weight, svgf_falloff, svgf_luminance_weight, svgf_normal_weight,
-///     svgf_weight,
+///     svgf_depth_weight, svgf_falloff, svgf_luminance_weight,
+///     svgf_normal_weight, svgf_weight,
 /// };
 ///
 /// let tilted = Vec3::new(0.28, 0.96, 0.0);
@@ -885,15 +868,8 @@ where
 ///     SvgfSample, SvgfSettings, SvgfSurface, svgf_variance_scalar_pixel,
 /// };
 ///
-/// let floor = SvgfSurface {
-///     position: Vec3::ZERO,
-///     reach: 0.1,
-///     normal: Vec3::Y,
-/// };
-/// let constant = SvgfSample {
-///     value: 0.3,
-///     variance: 7.0,
-/// };
+/// let floor = SvgfSurface { position: Vec3::ZERO, reach: 0.1, normal: Vec3::Y };
+/// let constant = SvgfSample { value: 0.3, variance: 7.0 };
 /// let variance = svgf_variance_scalar_pixel(
 ///     UVec2::splat(4),
 ///     UVec2::splat(9),

@@ -60,10 +60,7 @@ const TILES_ONE_BITS: u32 = 0x3f80_0000;
 ///
 /// // Nothing to do is a dispatch too: of no workgroups.
 /// let dispatch = tiles_dispatch(0, 1000, 8160);
-/// assert_eq!(
-///     (dispatch.groups.y, dispatch.whole, dispatch.count),
-///     (0, 0, 0)
-/// );
+/// assert_eq!((dispatch.groups.y, dispatch.whole, dispatch.count), (0, 0, 0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
@@ -122,7 +119,9 @@ pub fn tiles_scalar_flags(value: f32, variance: f32, surface: u32) -> u32 {
 ///
 /// ```
 /// use glam::Vec3;
-/// use raytwin_cpu::filter::tiles::{TILES_DARK, TILES_MIXED, tiles_color_flags};
+/// use raytwin_cpu::filter::tiles::{
+///     TILES_DARK, TILES_MIXED, tiles_color_flags,
+/// };
 ///
 /// assert_eq!(tiles_color_flags(Vec3::ZERO, 0.0, 1), TILES_DARK);
 /// assert_eq!(tiles_color_flags(Vec3::X, 0.0, 1), TILES_MIXED);
@@ -309,14 +308,8 @@ where
 /// // One dark tile at x = 5; a reach of two tiles sees it from x = 3 on.
 /// let read = |tile: UVec2| if tile.x == 5 { TILES_DARK } else { TILES_LIT };
 /// let tiles = UVec2::new(10, 1);
-/// assert_eq!(
-///     tiles_horizontal(UVec2::new(2, 0), tiles, 2, read),
-///     TILES_LIT
-/// );
-/// assert_eq!(
-///     tiles_horizontal(UVec2::new(3, 0), tiles, 2, read),
-///     TILES_MIXED
-/// );
+/// assert_eq!(tiles_horizontal(UVec2::new(2, 0), tiles, 2, read), TILES_LIT);
+/// assert_eq!(tiles_horizontal(UVec2::new(3, 0), tiles, 2, read), TILES_MIXED);
 /// ```
 #[inline]
 #[must_use]
@@ -407,10 +400,7 @@ pub fn tiles_needed(own: u32, around: u32) -> u32 {
 /// use raytwin_cpu::filter::tiles::tiles_dispatch;
 ///
 /// let dispatch = tiles_dispatch(1000, 2000, 8160);
-/// assert_eq!(
-///     (dispatch.groups, dispatch.count),
-///     (UVec3::new(256, 4, 1), 1000)
-/// );
+/// assert_eq!((dispatch.groups, dispatch.count), (UVec3::new(256, 4, 1), 1000));
 /// // More than the list holds: all tiles.
 /// assert_eq!(tiles_dispatch(3000, 2000, 8160).count, 8160);
 /// ```

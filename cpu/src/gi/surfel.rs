@@ -51,20 +51,10 @@ pub const SURFEL_TILE_EMPTY: u32 = 0xffff_ffff;
 /// use glam::Vec3;
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_sound};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
 /// assert_eq!(surfel_sound(surfel), 1);
-/// assert_eq!(
-///     surfel_sound(Surfel {
-///         radius: 0.0,
-///         ..surfel
-///     }),
-///     0
-/// );
+/// assert_eq!(surfel_sound(Surfel { radius: 0.0, ..surfel }), 0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -85,12 +75,8 @@ pub struct Surfel {
 /// use glam::{UVec2, Vec3};
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_gather};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
 /// // Far from all surfels nothing is known.
 /// let far = surfel_gather(
 ///     10.0 * Vec3::X,
@@ -130,18 +116,11 @@ fn surfel_bits3(v: Vec3) -> u32 {
 /// use glam::Vec3;
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_sound};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
 /// assert_eq!(surfel_sound(surfel), 1);
 /// assert_eq!(
-///     surfel_sound(Surfel {
-///         position: Vec3::splat(f32::NAN),
-///         ..surfel
-///     }),
+///     surfel_sound(Surfel { position: Vec3::splat(f32::NAN), ..surfel }),
 ///     0
 /// );
 /// ```
@@ -174,21 +153,11 @@ pub fn surfel_sound(surfel: Surfel) -> u32 {
 /// use glam::Vec3;
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_distance_squared};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
-/// assert_eq!(
-///     surfel_distance_squared(surfel, Vec3::new(0.5, 0.0, 0.0)),
-///     1.0
-/// );
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
+/// assert_eq!(surfel_distance_squared(surfel, Vec3::new(0.5, 0.0, 0.0)), 1.0);
 /// // Above the surface the rim is four times as near.
-/// assert_eq!(
-///     surfel_distance_squared(surfel, Vec3::new(0.0, 0.125, 0.0)),
-///     1.0
-/// );
+/// assert_eq!(surfel_distance_squared(surfel, Vec3::new(0.0, 0.125, 0.0)), 1.0);
 /// ```
 #[inline]
 #[must_use]
@@ -240,7 +209,9 @@ pub fn surfel_attenuation(distance_squared: f32) -> f32 {
 /// use raytwin_cpu::gi::surfel::surfel_facing;
 ///
 /// assert_eq!(surfel_facing(Vec3::Y, Vec3::Y), 1.0);
-/// assert!((surfel_facing(Vec3::Y, Vec3::new(0.6, 0.8, 0.0)) - 0.64).abs() < 1e-6);
+/// assert!(
+///     (surfel_facing(Vec3::Y, Vec3::new(0.6, 0.8, 0.0)) - 0.64).abs() < 1e-6
+/// );
 /// assert_eq!(surfel_facing(Vec3::Y, Vec3::NEG_Y), 0.0);
 /// ```
 #[inline]
@@ -262,12 +233,8 @@ pub fn surfel_facing(normal: Vec3, other: Vec3) -> f32 {
 /// use glam::Vec3;
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_weight};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
 /// assert_eq!(surfel_weight(surfel, Vec3::ZERO, Vec3::Y), 1.0);
 /// // At the rim, and on a wall.
 /// assert_eq!(surfel_weight(surfel, 0.5 * Vec3::X, Vec3::Y), 0.0);
@@ -297,19 +264,12 @@ pub fn surfel_weight(surfel: Surfel, point: Vec3, normal: Vec3) -> f32 {
 /// use glam::{UVec2, Vec3};
 /// use raytwin_cpu::gi::surfel::{Surfel, surfel_coverage};
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 3,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 3 };
 /// let surfels = [surfel, surfel];
 /// // Both of the list, whose first entry is 0.
 /// let read = |entry: u32| surfels[entry as usize];
-/// assert_eq!(
-///     surfel_coverage(Vec3::ZERO, Vec3::Y, UVec2::new(0, 2), read),
-///     2.0
-/// );
+/// assert_eq!(surfel_coverage(Vec3::ZERO, Vec3::Y, UVec2::new(0, 2), read), 2.0);
 /// ```
 #[inline]
 #[must_use]
@@ -371,7 +331,8 @@ pub fn surfel_pixel_area(depth: f32, cosine: f32, camera: Camera) -> f32 {
 /// use raytwin_cpu::gi::surfel::{SURFEL_TILE_EMPTY, surfel_tile_key};
 ///
 /// // The smallest key: least covered, and of two such the first pixel.
-/// let keys = [(0.5, 0), (0.25, 1), (0.25, 2)].map(|(c, i)| surfel_tile_key(c, i));
+/// let keys =
+///     [(0.5, 0), (0.25, 1), (0.25, 2)].map(|(c, i)| surfel_tile_key(c, i));
 /// assert_eq!(keys.into_iter().min(), Some(keys[1]));
 /// assert!(keys[0] < SURFEL_TILE_EMPTY);
 /// ```
@@ -425,8 +386,9 @@ pub fn surfel_tile_coverage(key: u32) -> f32 {
 /// use raytwin_cpu::gi::surfel::surfel_spawn_chance;
 ///
 /// // A tile of 256 pixels of 4 mm², radius 10 cm, a rate of 1 a second at 60 Hz.
-/// let chance =
-///     |coverage| surfel_spawn_chance(coverage, 0.8, 4e-6, 256.0, 0.1, 1.0 / 60.0);
+/// let chance = |coverage| {
+///     surfel_spawn_chance(coverage, 0.8, 4e-6, 256.0, 0.1, 1.0 / 60.0)
+/// };
 /// assert!(chance(0.0) > chance(0.4) && chance(0.4) > 0.0);
 /// assert_eq!(chance(0.8), 0.0);
 /// ```
@@ -461,9 +423,8 @@ pub fn surfel_spawn_chance(
 ///     (0, 1)
 /// );
 /// // About one frame in four.
-/// let often: u32 = (0..1000)
-///     .map(|frame| surfel_spawns(pixel, frame, 0.25))
-///     .sum();
+/// let often: u32 =
+///     (0..1000).map(|frame| surfel_spawns(pixel, frame, 0.25)).sum();
 /// assert!((200..300).contains(&often));
 /// ```
 #[inline]

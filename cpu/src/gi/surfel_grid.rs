@@ -49,10 +49,7 @@ pub const SURFEL_GRID_FAR: f32 = 4_194_304.0;
 ///     inverse_reach: 0.0,
 /// };
 /// assert_eq!(surfel_grid_find(Vec3::splat(-2.0), grid), 0);
-/// assert_eq!(
-///     surfel_grid_find(Vec3::splat(2.5), grid),
-///     SURFEL_GRID_NOWHERE
-/// );
+/// assert_eq!(surfel_grid_find(Vec3::splat(2.5), grid), SURFEL_GRID_NOWHERE);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -76,10 +73,8 @@ pub struct SurfelGrid {
 /// use glam::UVec3;
 /// use raytwin_cpu::gi::surfel_grid::{SurfelGridRange, surfel_grid_count};
 ///
-/// let range = SurfelGridRange {
-///     low: UVec3::new(3, 4, 5),
-///     span: UVec3::new(2, 1, 1),
-/// };
+/// let range =
+///     SurfelGridRange { low: UVec3::new(3, 4, 5), span: UVec3::new(2, 1, 1) };
 /// assert_eq!(surfel_grid_count(range), 2);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,8 +125,8 @@ fn surfel_grid_level_of(far: f32) -> u32 {
 ///     slots: 4096,
 ///     inverse_reach: 0.1,
 /// };
-/// let levels =
-///     [5.0, 15.0, 35.0].map(|x| surfel_grid_level(Vec3::new(x, 0.0, 0.0), grid));
+/// let levels = [5.0, 15.0, 35.0]
+///     .map(|x| surfel_grid_level(Vec3::new(x, 0.0, 0.0), grid));
 /// assert_eq!(levels, [0, 1, 2]);
 /// ```
 #[inline]
@@ -204,10 +199,7 @@ pub fn surfel_grid_coordinate(point: Vec3, level: u32, grid: SurfelGrid) -> UVec
 ///     surfel_grid_slot(UVec3::new(1, 2, 3), 0, dense),
 ///     1 + 8 * (2 + 8 * 3)
 /// );
-/// let hashed = SurfelGrid {
-///     size: UVec3::ZERO,
-///     ..dense
-/// };
+/// let hashed = SurfelGrid { size: UVec3::ZERO, ..dense };
 /// assert!(surfel_grid_slot(UVec3::new(1000, 2, 3), 0, hashed) < 512);
 /// ```
 #[inline]
@@ -286,12 +278,8 @@ pub fn surfel_grid_find(point: Vec3, grid: SurfelGrid) -> u32 {
 ///     slots: 512,
 ///     inverse_reach: 0.0,
 /// };
-/// let surfel = Surfel {
-///     position: Vec3::ONE,
-///     radius: 0.2,
-///     normal: Vec3::Y,
-///     mesh: 0,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ONE, radius: 0.2, normal: Vec3::Y, mesh: 0 };
 /// // As far as the radius along the surface, a quarter of it along the normal.
 /// let half = surfel_grid_extent(surfel, grid);
 /// assert!(half.x > 0.2 && half.x < 0.21 && half.y > 0.05 && half.y < 0.06);
@@ -417,10 +405,7 @@ pub fn surfel_grid_range(surfel: Surfel, level: u32, grid: SurfelGrid) -> Surfel
 /// use glam::UVec3;
 /// use raytwin_cpu::gi::surfel_grid::{SurfelGridRange, surfel_grid_count};
 ///
-/// let range = SurfelGridRange {
-///     low: UVec3::ZERO,
-///     span: UVec3::new(3, 2, 1),
-/// };
+/// let range = SurfelGridRange { low: UVec3::ZERO, span: UVec3::new(3, 2, 1) };
 /// assert_eq!(surfel_grid_count(range), 6);
 /// ```
 #[inline]
@@ -437,10 +422,8 @@ pub fn surfel_grid_count(range: SurfelGridRange) -> u32 {
 ///     SurfelGridRange, surfel_grid_cell, surfel_grid_count,
 /// };
 ///
-/// let range = SurfelGridRange {
-///     low: UVec3::new(3, 4, 5),
-///     span: UVec3::new(2, 2, 1),
-/// };
+/// let range =
+///     SurfelGridRange { low: UVec3::new(3, 4, 5), span: UVec3::new(2, 2, 1) };
 /// let cells: Vec<_> = (0..surfel_grid_count(range))
 ///     .map(|i| surfel_grid_cell(range, i))
 ///     .collect();

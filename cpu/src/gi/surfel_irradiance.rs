@@ -51,12 +51,8 @@ pub const SURFEL_IRRADIANCE_ALBEDO: f32 = 0.96875;
 ///     z: Vec3::Z,
 ///     origin: Vec3::ZERO,
 /// };
-/// let surfel = Surfel {
-///     position: Vec3::ONE,
-///     radius: 0.2,
-///     normal: Vec3::Y,
-///     mesh: 0,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ONE, radius: 0.2, normal: Vec3::Y, mesh: 0 };
 /// assert_eq!(surfel_irradiance_follow(surfel, pose, pose), surfel);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,12 +118,8 @@ pub fn surfel_irradiance_allowed(before: u32, wanted: u32, budget: u32) -> u32 {
 /// use raytwin_cpu::gi::surfel::Surfel;
 /// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_origin;
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 0,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 0 };
 /// // A little off the surface, so that no ray meets it again.
 /// assert_eq!(
 ///     surfel_irradiance_origin(surfel),
@@ -239,8 +231,12 @@ fn outgoing_channel(albedo: f32, emission: f32, direct: f32, gathered: f32) -> f
 ///
 /// // A grey surface in irradiance π sends back its albedo as radiance.
 /// let light = Vec3::splat(std::f32::consts::PI);
-/// let back =
-///     surfel_irradiance_outgoing(Vec3::splat(0.5), Vec3::ZERO, light, Vec3::ZERO);
+/// let back = surfel_irradiance_outgoing(
+///     Vec3::splat(0.5),
+///     Vec3::ZERO,
+///     light,
+///     Vec3::ZERO,
+/// );
 /// assert!((back.x - 0.5).abs() < 1e-6);
 /// ```
 #[inline]
@@ -306,12 +302,8 @@ fn out_of_pose(pose: SurfelIrradiancePose, v: Vec3) -> Vec3 {
 ///     z: Vec3::X,
 ///     origin: Vec3::Y,
 /// };
-/// let surfel = Surfel {
-///     position: Vec3::X,
-///     radius: 0.2,
-///     normal: Vec3::X,
-///     mesh: 0,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::X, radius: 0.2, normal: Vec3::X, mesh: 0 };
 /// let moved = surfel_irradiance_follow(surfel, old, new);
 /// assert!((moved.position - Vec3::new(0.0, 1.0, -1.0)).length() < 1e-6);
 /// assert!((moved.normal - Vec3::NEG_Z).length() < 1e-6);
@@ -369,12 +361,8 @@ pub fn surfel_irradiance_patience(used: u32, capacity: u32, patience: u32) -> u3
 /// use raytwin_cpu::gi::surfel::Surfel;
 /// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_recycle;
 ///
-/// let surfel = Surfel {
-///     position: Vec3::ZERO,
-///     radius: 0.5,
-///     normal: Vec3::Y,
-///     mesh: 0,
-/// };
+/// let surfel =
+///     Surfel { position: Vec3::ZERO, radius: 0.5, normal: Vec3::Y, mesh: 0 };
 /// assert_eq!(surfel_irradiance_recycle(surfel, 600, 600), 0);
 /// assert_eq!(surfel_irradiance_recycle(surfel, 601, 600), 1);
 /// ```

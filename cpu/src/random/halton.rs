@@ -64,10 +64,7 @@ pub struct HaltonDraw {
 ///
 /// assert_eq!(halton_reverse_base_two(0b0001_0110, 8), 0b0110_1000);
 /// // A mirror image mirrored is the number itself.
-/// assert_eq!(
-///     halton_reverse_base_two(halton_reverse_base_two(77, 8), 8),
-///     77
-/// );
+/// assert_eq!(halton_reverse_base_two(halton_reverse_base_two(77, 8), 8), 77);
 /// ```
 #[inline]
 #[must_use]

@@ -15,12 +15,8 @@ pub const AABB_WIDEN: f32 = 1.0 + 1.0 / 262_144.0;
 /// use raytwin_cpu::ray::aabb::aabb_intersect;
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::Z,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 9.0 };
 /// // From inside, the ray enters at its own start.
 /// let hit = aabb_intersect(ray, Vec3::NEG_ONE, Vec3::ONE);
 /// assert_eq!((hit.hit, hit.t_near), (1, 0.0));

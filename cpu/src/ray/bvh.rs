@@ -31,12 +31,7 @@ pub const BVH_MISS: u32 = 0xffff_ffff;
 /// use raytwin_cpu::ray::bvh::BvhNode;
 ///
 /// // A leaf with two triangles, the first of them number 6.
-/// let leaf = BvhNode {
-///     min: Vec3::ZERO,
-///     first: 6,
-///     max: Vec3::ONE,
-///     count: 2,
-/// };
+/// let leaf = BvhNode { min: Vec3::ZERO, first: 6, max: Vec3::ONE, count: 2 };
 /// assert!(leaf.count > 0);
 /// assert_eq!(std::mem::size_of_val(&leaf), 32);
 /// ```
@@ -60,12 +55,8 @@ pub struct BvhNode {
 /// use glam::Vec3;
 /// use raytwin_cpu::ray::bvh::BvhTriangle;
 ///
-/// let triangle = BvhTriangle {
-///     a: Vec3::ZERO,
-///     b: Vec3::X,
-///     c: Vec3::Y,
-///     primitive: 17,
-/// };
+/// let triangle =
+///     BvhTriangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, primitive: 17 };
 /// assert_eq!(std::mem::size_of_val(&triangle), 40);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,16 +80,9 @@ pub struct BvhTriangle {
 /// use raytwin_cpu::ray::ray::Ray;
 ///
 /// // Without nodes there is nothing to hit.
-/// let empty = BvhView {
-///     nodes: &[],
-///     triangles: &[],
-/// };
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::Z,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let empty = BvhView { nodes: &[], triangles: &[] };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 9.0 };
 /// assert_eq!(bvh_any(&empty, ray), 0);
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -116,16 +100,9 @@ pub struct BvhView<'a> {
 /// use raytwin_cpu::ray::bvh::{BVH_MISS, BvhView, bvh_closest};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let empty = BvhView {
-///     nodes: &[],
-///     triangles: &[],
-/// };
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::Z,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let empty = BvhView { nodes: &[], triangles: &[] };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 9.0 };
 /// let hit = bvh_closest(&empty, ray);
 /// assert_eq!((hit.primitive, hit.t), (BVH_MISS, ray.t_max));
 /// ```
@@ -361,22 +338,15 @@ pub(crate) fn bvh_walk(
 /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView, bvh_closest};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let triangle = BvhTriangle {
-///     a: Vec3::ZERO,
-///     b: Vec3::X,
-///     c: Vec3::Y,
-///     primitive: 17,
-/// };
+/// let triangle =
+///     BvhTriangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, primitive: 17 };
 /// let root = BvhNode {
 ///     min: Vec3::ZERO,
 ///     first: 0,
 ///     max: Vec3::new(1.0, 1.0, 0.0),
 ///     count: 1,
 /// };
-/// let tree = BvhView {
-///     nodes: &[root],
-///     triangles: &[triangle],
-/// };
+/// let tree = BvhView { nodes: &[root], triangles: &[triangle] };
 /// let ray = Ray {
 ///     origin: Vec3::new(0.25, 0.5, 2.0),
 ///     direction: Vec3::NEG_Z,
@@ -400,22 +370,15 @@ pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
 /// use raytwin_cpu::ray::bvh::{BvhNode, BvhTriangle, BvhView, bvh_any};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let triangle = BvhTriangle {
-///     a: Vec3::ZERO,
-///     b: Vec3::X,
-///     c: Vec3::Y,
-///     primitive: 17,
-/// };
+/// let triangle =
+///     BvhTriangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, primitive: 17 };
 /// let root = BvhNode {
 ///     min: Vec3::ZERO,
 ///     first: 0,
 ///     max: Vec3::new(1.0, 1.0, 0.0),
 ///     count: 1,
 /// };
-/// let tree = BvhView {
-///     nodes: &[root],
-///     triangles: &[triangle],
-/// };
+/// let tree = BvhView { nodes: &[root], triangles: &[triangle] };
 /// let ray = Ray {
 ///     origin: Vec3::new(0.25, 0.5, 2.0),
 ///     direction: Vec3::NEG_Z,

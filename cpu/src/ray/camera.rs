@@ -133,11 +133,13 @@ pub fn camera_position_from_depth(pixel: Vec2, depth: f32, camera: Camera) -> Ve
 /// use raytwin_cpu::ray::camera::position_from_depth;
 ///
 /// // Reversed z, 90 degrees: 1 is the near plane at 0.1, 0 infinitely far.
-/// let projection = Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::NEG_W, 0.1 * Vec4::Z);
+/// let projection =
+///     Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::NEG_W, 0.1 * Vec4::Z);
 /// let seen = projection.project_point3(Vec3::new(0.3, -0.2, -4.0));
 /// let uv = Vec2::new(0.5 + 0.5 * seen.x, 0.5 - 0.5 * seen.y);
 /// let m = projection.inverse();
-/// let p = position_from_depth(uv, seen.z, m.x_axis, m.y_axis, m.z_axis, m.w_axis);
+/// let p =
+///     position_from_depth(uv, seen.z, m.x_axis, m.y_axis, m.z_axis, m.w_axis);
 /// assert!((p - Vec3::new(0.3, -0.2, -4.0)).length() < 1e-4);
 /// ```
 #[inline]

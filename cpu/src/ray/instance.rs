@@ -63,21 +63,10 @@ pub struct Instance {
 /// use raytwin_cpu::ray::instance::{InstanceView, instance_any};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let bvh = BvhView {
-///     nodes: &[],
-///     triangles: &[],
-/// };
-/// let empty = InstanceView {
-///     bvh,
-///     top: 0,
-///     instances: &[],
-/// };
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::Z,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let bvh = BvhView { nodes: &[], triangles: &[] };
+/// let empty = InstanceView { bvh, top: 0, instances: &[] };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 9.0 };
 /// assert_eq!(instance_any(&empty, ray, u32::MAX), 0);
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -99,21 +88,10 @@ pub struct InstanceView<'a> {
 /// use raytwin_cpu::ray::instance::{InstanceView, instance_closest};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let bvh = BvhView {
-///     nodes: &[],
-///     triangles: &[],
-/// };
-/// let empty = InstanceView {
-///     bvh,
-///     top: 0,
-///     instances: &[],
-/// };
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::Z,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let bvh = BvhView { nodes: &[], triangles: &[] };
+/// let empty = InstanceView { bvh, top: 0, instances: &[] };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 9.0 };
 /// let hit = instance_closest(&empty, ray, u32::MAX);
 /// assert_eq!((hit.instance, hit.t), (BVH_MISS, ray.t_max));
 /// ```
@@ -316,12 +294,8 @@ fn instance_ask(view: &InstanceView<'_>, ray: Ray, mask: u32, any: bool) -> Inst
 /// use raytwin_cpu::ray::ray::Ray;
 ///
 /// // A triangle, placed once, 5 along x. Node 0 is its tree, node 1 the scene's.
-/// let triangles = [BvhTriangle {
-///     a: Vec3::ZERO,
-///     b: Vec3::X,
-///     c: Vec3::Y,
-///     primitive: 17,
-/// }];
+/// let triangles =
+///     [BvhTriangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, primitive: 17 }];
 /// let mesh = BvhNode {
 ///     min: Vec3::ZERO,
 ///     first: 0,
@@ -345,10 +319,7 @@ fn instance_ask(view: &InstanceView<'_>, ray: Ray, mask: u32, any: bool) -> Inst
 ///     index: 3,
 /// };
 /// let view = InstanceView {
-///     bvh: BvhView {
-///         nodes: &nodes,
-///         triangles: &triangles,
-///     },
+///     bvh: BvhView { nodes: &nodes, triangles: &triangles },
 ///     top: 1,
 ///     instances: &[moved],
 /// };
@@ -375,12 +346,8 @@ pub fn instance_closest(view: &InstanceView<'_>, ray: Ray, mask: u32) -> Instanc
 /// use raytwin_cpu::ray::instance::{Instance, InstanceView, instance_any};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let triangles = [BvhTriangle {
-///     a: Vec3::ZERO,
-///     b: Vec3::X,
-///     c: Vec3::Y,
-///     primitive: 17,
-/// }];
+/// let triangles =
+///     [BvhTriangle { a: Vec3::ZERO, b: Vec3::X, c: Vec3::Y, primitive: 17 }];
 /// let node = BvhNode {
 ///     min: Vec3::splat(-0.1),
 ///     first: 0,
@@ -399,10 +366,7 @@ pub fn instance_closest(view: &InstanceView<'_>, ray: Ray, mask: u32) -> Instanc
 ///     index: 0,
 /// };
 /// let view = InstanceView {
-///     bvh: BvhView {
-///         nodes: &nodes,
-///         triangles: &triangles,
-///     },
+///     bvh: BvhView { nodes: &nodes, triangles: &triangles },
 ///     top: 1,
 ///     instances: &[place],
 /// };

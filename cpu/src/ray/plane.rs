@@ -18,12 +18,8 @@ pub(crate) const PLANE_RATIO: f32 = f32::from_bits((127 - 100) << 23);
 /// use raytwin_cpu::ray::plane::{PlaneHit, plane_intersect};
 /// use raytwin_cpu::ray::ray::Ray;
 ///
-/// let away = Ray {
-///     origin: Vec3::Y,
-///     direction: Vec3::Y,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let away =
+///     Ray { origin: Vec3::Y, direction: Vec3::Y, t_min: 0.0, t_max: 9.0 };
 /// let hit = plane_intersect(away, Vec3::ZERO, Vec3::Y);
 /// assert_eq!(hit, PlaneHit { hit: 0, t: 0.0 });
 /// ```

@@ -13,12 +13,8 @@ use crate::math::vector::vec3_dot;
 /// use raytwin_cpu::ray::sphere::sphere_intersect;
 ///
 /// // From inside, the first crossing within the range is the far one.
-/// let ray = Ray {
-///     origin: Vec3::ZERO,
-///     direction: Vec3::X,
-///     t_min: 0.0,
-///     t_max: 9.0,
-/// };
+/// let ray =
+///     Ray { origin: Vec3::ZERO, direction: Vec3::X, t_min: 0.0, t_max: 9.0 };
 /// let hit = sphere_intersect(ray, Vec3::ZERO, 2.0);
 /// assert_eq!((hit.t, hit.t_near, hit.t_far), (2.0, -2.0, 2.0));
 /// ```

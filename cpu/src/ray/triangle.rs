@@ -71,7 +71,8 @@ const MISS: TriangleHit = TriangleHit {
 ///     t_min: 0.0,
 ///     t_max: 9.0,
 /// };
-/// let hit = triangle_intersect_moller_trumbore(ray, Vec3::ZERO, Vec3::X, Vec3::Y);
+/// let hit =
+///     triangle_intersect_moller_trumbore(ray, Vec3::ZERO, Vec3::X, Vec3::Y);
 /// assert_eq!((hit.hit, hit.t, hit.u, hit.v), (1, 2.0, 0.25, 0.5));
 /// ```
 #[inline]
@@ -324,10 +325,7 @@ fn triangle_even(v: Vec3) -> Vec3 {
 /// assert_eq!(triangle_normal(Vec3::ZERO, Vec3::X, Vec3::Y), Vec3::Z);
 /// // Seen from the other side, and without area.
 /// assert_eq!(triangle_normal(Vec3::ZERO, Vec3::Y, Vec3::X), Vec3::NEG_Z);
-/// assert_eq!(
-///     triangle_normal(Vec3::ZERO, Vec3::X, 2.0 * Vec3::X),
-///     Vec3::ZERO
-/// );
+/// assert_eq!(triangle_normal(Vec3::ZERO, Vec3::X, 2.0 * Vec3::X), Vec3::ZERO);
 /// ```
 #[inline]
 #[must_use]

@@ -23,10 +23,7 @@ const ONE_BELOW: f32 = 0.99999994;
 ///
 /// assert_eq!(disk_polar_sample(Vec2::ZERO), Vec2::ZERO);
 /// // Radius √0.25, a quarter turn from the x axis.
-/// assert_eq!(
-///     disk_polar_sample(Vec2::new(0.25, 0.25)),
-///     Vec2::new(0.0, 0.5)
-/// );
+/// assert_eq!(disk_polar_sample(Vec2::new(0.25, 0.25)), Vec2::new(0.0, 0.5));
 /// ```
 #[inline]
 #[must_use]

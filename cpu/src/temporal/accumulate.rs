@@ -57,8 +57,12 @@ pub struct TemporalAccumulateState {
 /// };
 ///
 /// let red = Vec3::new(1.0, 0.0, 0.0);
-/// let state =
-///     temporal_accumulate_rgb_step(TEMPORAL_ACCUMULATE_RGB_EMPTY, red, 32.0, 5.0);
+/// let state = temporal_accumulate_rgb_step(
+///     TEMPORAL_ACCUMULATE_RGB_EMPTY,
+///     red,
+///     32.0,
+///     5.0,
+/// );
 /// assert_eq!((state.color, state.history), (red, 1.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,10 +103,7 @@ pub const TEMPORAL_ACCUMULATE_RGB_EMPTY: TemporalAccumulateRgbState = TemporalAc
 ///     TEMPORAL_ACCUMULATE_LARGEST, temporal_accumulate_usable,
 /// };
 ///
-/// assert_eq!(
-///     temporal_accumulate_usable(-3.0, TEMPORAL_ACCUMULATE_LARGEST),
-///     1
-/// );
+/// assert_eq!(temporal_accumulate_usable(-3.0, TEMPORAL_ACCUMULATE_LARGEST), 1);
 /// assert_eq!(
 ///     temporal_accumulate_usable(f32::NAN, TEMPORAL_ACCUMULATE_LARGEST),
 ///     0
@@ -232,11 +233,8 @@ pub fn temporal_accumulate_variance(variance: f32, difference: f32, alpha: f32) 
 ///     temporal_accumulate_guard,
 /// };
 ///
-/// let broken = TemporalAccumulateState {
-///     mean: f32::NAN,
-///     variance: 0.1,
-///     history: 9.0,
-/// };
+/// let broken =
+///     TemporalAccumulateState { mean: f32::NAN, variance: 0.1, history: 9.0 };
 /// assert_eq!(temporal_accumulate_guard(broken), TEMPORAL_ACCUMULATE_EMPTY);
 /// ```
 #[inline]
@@ -275,7 +273,9 @@ pub fn temporal_accumulate_guard(state: TemporalAccumulateState) -> TemporalAccu
 /// }
 /// // The four numbers' mean and variance; the NaN did no harm.
 /// assert_eq!(state.history, 4.0);
-/// assert!((state.mean - 0.5).abs() < 1e-6 && (state.variance - 0.25).abs() < 1e-6);
+/// assert!(
+///     (state.mean - 0.5).abs() < 1e-6 && (state.variance - 0.25).abs() < 1e-6
+/// );
 /// ```
 #[inline]
 #[must_use]

@@ -536,7 +536,8 @@ pub fn multiscale_mean_step(
 /// let color = Vec3::new(0.5, 0.2, 0.1);
 /// let mut state = MULTISCALE_MEAN_RGB_EMPTY;
 /// for _ in 0..200 {
-///     state = multiscale_mean_rgb_step(state, color, MULTISCALE_MEAN_SHORT_BLEND);
+///     state =
+///         multiscale_mean_rgb_step(state, color, MULTISCALE_MEAN_SHORT_BLEND);
 /// }
 /// assert!((state.mean - color).length() < 0.1);
 /// ```
@@ -835,10 +836,7 @@ pub fn multiscale_mean_robust_value(state: MultiscaleMeanRobustState) -> f32 {
 ///     excess: Vec3::X,
 ///     ..MULTISCALE_MEAN_ROBUST_RGB_EMPTY
 /// };
-/// assert_eq!(
-///     multiscale_mean_robust_rgb_value(state),
-///     Vec3::new(2.0, 1.0, 1.0)
-/// );
+/// assert_eq!(multiscale_mean_robust_rgb_value(state), Vec3::new(2.0, 1.0, 1.0));
 /// ```
 #[inline]
 #[must_use]
@@ -917,8 +915,12 @@ fn count(word: u32) -> f32 {
 ///     multiscale_mean_robust_step, multiscale_mean_robust_unpack,
 /// };
 ///
-/// let state =
-///     multiscale_mean_robust_step(MULTISCALE_MEAN_ROBUST_EMPTY, 0.3, 0.08, 256.0);
+/// let state = multiscale_mean_robust_step(
+///     MULTISCALE_MEAN_ROBUST_EMPTY,
+///     0.3,
+///     0.08,
+///     256.0,
+/// );
 /// // The mean keeps all of its bits.
 /// let back = multiscale_mean_robust_unpack(multiscale_mean_robust_pack(state));
 /// assert_eq!((back.mean, back.age), (state.mean, state.age));

@@ -80,7 +80,8 @@ pub struct ReprojectSurface {
 /// ```
 /// use glam::Vec3;
 /// use raytwin_cpu::temporal::reproject::{
-///     REPROJECT_TOLERANCE, ReprojectSurface, ReprojectTolerance, reproject_matches,
+///     REPROJECT_TOLERANCE, ReprojectSurface, ReprojectTolerance,
+///     reproject_matches,
 /// };
 ///
 /// let floor = ReprojectSurface {
@@ -89,19 +90,10 @@ pub struct ReprojectSurface {
 ///     normal: Vec3::Y,
 ///     mesh: 3,
 /// };
-/// let raised = ReprojectSurface {
-///     position: Vec3::new(0.0, 0.1, 0.0),
-///     ..floor
-/// };
+/// let raised = ReprojectSurface { position: Vec3::new(0.0, 0.1, 0.0), ..floor };
 /// // A step of 2 % of the depth: too far by the usual limits.
-/// assert_eq!(
-///     reproject_matches(floor, 0.0, raised, REPROJECT_TOLERANCE),
-///     0
-/// );
-/// let loose = ReprojectTolerance {
-///     plane: 0.05,
-///     normal: 0.5,
-/// };
+/// assert_eq!(reproject_matches(floor, 0.0, raised, REPROJECT_TOLERANCE), 0);
+/// let loose = ReprojectTolerance { plane: 0.05, normal: 0.5 };
 /// assert_eq!(reproject_matches(floor, 0.0, raised, loose), 1);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,14 +166,8 @@ pub struct ReprojectTap {
 /// ```
 /// use raytwin_cpu::temporal::reproject::{ReprojectHistory, reproject_blend};
 ///
-/// let none = ReprojectHistory {
-///     value: 0.0,
-///     length: 0.0,
-/// };
-/// let some = ReprojectHistory {
-///     value: 0.5,
-///     length: 8.0,
-/// };
+/// let none = ReprojectHistory { value: 0.0, length: 0.0 };
+/// let some = ReprojectHistory { value: 0.5, length: 8.0 };
 /// // Where one has no history, the other counts alone.
 /// assert_eq!(reproject_blend(none, some, 0.1), some);
 /// ```
@@ -355,7 +341,8 @@ reproject_value!(
 /// assert!((seen - Vec3::new(320.0, 160.0, 5.0)).length() < 1e-3);
 /// let point = Vec3::new(3.0, 1.0, -5.0);
 /// let seen = reproject_project(point, camera);
-/// let back = camera_position_from_depth(Vec2::new(seen.x, seen.y), seen.z, camera);
+/// let back =
+///     camera_position_from_depth(Vec2::new(seen.x, seen.y), seen.z, camera);
 /// assert!((back - point).length() < 1e-4);
 /// ```
 #[inline]
@@ -414,10 +401,7 @@ fn reproject_still(point: Vec3, prior_point: Vec3, camera: Camera, prior: Camera
 ///     inverse_resolution: Vec2::new(1.0 / 640.0, 1.0 / 320.0),
 /// };
 /// // The eye has moved to the left, so then the point was more to the left.
-/// let before = Camera {
-///     origin: Vec3::X,
-///     ..now
-/// };
+/// let before = Camera { origin: Vec3::X, ..now };
 /// let point = Vec3::new(0.0, 0.0, -5.0);
 /// assert!((reproject_motion(point, point, now, before).x + 32.0).abs() < 1e-3);
 /// assert_eq!(reproject_motion(point, point, now, now), Vec2::ZERO);
@@ -618,8 +602,11 @@ fn reproject_square(columns: u32, rows: u32) -> u32 {
 /// use raytwin_cpu::temporal::reproject::{reproject_footprint, reproject_tap};
 ///
 /// // A quarter of a pixel to the right: two texels, 3/4 and 1/4.
-/// let taps =
-///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
+/// let taps = reproject_footprint(
+///     UVec2::splat(4),
+///     UVec2::splat(8),
+///     Vec2::new(0.25, 0.0),
+/// );
 /// let weights: Vec<_> = (0..9).map(|i| reproject_tap(taps, i).weight).collect();
 /// assert_eq!(&weights[..2], [0.75, 0.25]);
 /// assert_eq!(weights.iter().sum::<f32>(), 1.0);
@@ -744,8 +731,11 @@ fn reproject_pick(weights: Vec3, index: u32) -> f32 {
 /// use raytwin_cpu::temporal::reproject::{reproject_footprint, reproject_tap};
 ///
 /// // Channels of one's own: the weighted mean of what the texels hold.
-/// let taps =
-///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
+/// let taps = reproject_footprint(
+///     UVec2::splat(4),
+///     UVec2::splat(8),
+///     Vec2::new(0.25, 0.0),
+/// );
 /// let (mut sum, mut weights) = (0.0, 0.0);
 /// for tap in (0..9).map(|i| reproject_tap(taps, i)) {
 ///     sum += tap.weight * tap.at.x as f32;
@@ -801,15 +791,9 @@ pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
 ///     mesh: 3,
 /// };
 /// // The next texel on the same floor; another mesh.
-/// let beside = ReprojectSurface {
-///     position: Vec3::X,
-///     ..floor
-/// };
+/// let beside = ReprojectSurface { position: Vec3::X, ..floor };
 /// let other = ReprojectSurface { mesh: 4, ..beside };
-/// assert_eq!(
-///     reproject_matches(floor, 0.0, beside, REPROJECT_TOLERANCE),
-///     1
-/// );
+/// assert_eq!(reproject_matches(floor, 0.0, beside, REPROJECT_TOLERANCE), 1);
 /// assert_eq!(reproject_matches(floor, 0.0, other, REPROJECT_TOLERANCE), 0);
 /// ```
 #[inline]
@@ -980,12 +964,12 @@ where
 ///     ReprojectHistory, reproject_footprint, reproject_gather,
 /// };
 ///
-/// let taps =
-///     reproject_footprint(UVec2::splat(4), UVec2::splat(8), Vec2::new(0.25, 0.0));
-/// let read = |at: UVec2| ReprojectHistory {
-///     value: at.x as f32,
-///     length: 8.0,
-/// };
+/// let taps = reproject_footprint(
+///     UVec2::splat(4),
+///     UVec2::splat(8),
+///     Vec2::new(0.25, 0.0),
+/// );
+/// let read = |at: UVec2| ReprojectHistory { value: at.x as f32, length: 8.0 };
 /// let history = reproject_gather(taps, read);
 /// assert_eq!((history.value, history.length), (4.25, 8.0));
 /// ```
@@ -1160,12 +1144,7 @@ fn reproject_shorter(back: ReprojectBend, ahead: ReprojectBend) -> ReprojectBend
 /// let read = |at: UVec2| {
 ///     let (x, z) = ((at.x as f32 - 4.0) * 0.1, (at.y as f32 - 4.0) * 0.1);
 ///     let position = Vec3::new(x, (4.0 - x * x - z * z).sqrt(), z);
-///     ReprojectSurface {
-///         position,
-///         depth: 5.0,
-///         normal: 0.5 * position,
-///         mesh: 3,
-///     }
+///     ReprojectSurface { position, depth: 5.0, normal: 0.5 * position, mesh: 3 }
 /// };
 /// let bend = reproject_bend(UVec2::splat(4), UVec2::splat(9), Vec2::X, read);
 /// assert!((reproject_curvature(bend.along, bend.turn) - 0.5).abs() < 1e-4);
@@ -1255,10 +1234,7 @@ where
 ///     forward: Vec3::NEG_Z,
 ///     inverse_resolution: Vec2::splat(1.0 / 64.0),
 /// };
-/// let before = Camera {
-///     origin: Vec3::X,
-///     ..now
-/// };
+/// let before = Camera { origin: Vec3::X, ..now };
 /// // A flat mirror at distance 2, and something 3 before it.
 /// let mirror = |at: UVec2| {
 ///     let pixel = Vec2::new(at.x as f32 + 0.5, at.y as f32 + 0.5);
@@ -1348,7 +1324,8 @@ fn reproject_deviations(value: f32, mean: f32, deviation: f32, floor: f32) -> f3
 /// let mean = Vec3::splat(0.5);
 /// assert_eq!(reproject_color_distance(mean, mean, Vec3::ZERO), 0.0);
 /// // One deviation off in every channel.
-/// let off = reproject_color_distance(Vec3::splat(0.75), mean, Vec3::splat(0.25));
+/// let off =
+///     reproject_color_distance(Vec3::splat(0.75), mean, Vec3::splat(0.25));
 /// assert!((off - 1.0).abs() < 1e-5);
 /// ```
 #[inline]
@@ -1421,14 +1398,8 @@ pub fn reproject_share(first: f32, second: f32) -> f32 {
 /// ```
 /// use raytwin_cpu::temporal::reproject::{ReprojectHistory, reproject_blend};
 ///
-/// let old = ReprojectHistory {
-///     value: 1.0,
-///     length: 8.0,
-/// };
-/// let new = ReprojectHistory {
-///     value: 2.0,
-///     length: 8.0,
-/// };
+/// let old = ReprojectHistory { value: 1.0, length: 8.0 };
+/// let new = ReprojectHistory { value: 2.0, length: 8.0 };
 /// let blend = reproject_blend(old, new, 0.25);
 /// assert_eq!((blend.value, blend.length), (1.25, 8.0));
 /// ```

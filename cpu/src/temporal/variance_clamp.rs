@@ -41,10 +41,7 @@ pub const VARIANCE_CLAMP_THINNEST: f32 = 0.015625;
 ///
 /// let one =
 ///     variance_clamp_add(VARIANCE_CLAMP_EMPTY, Vec3::ONE, VARIANCE_CLAMP_RGB);
-/// assert_eq!(
-///     (one.mean, one.spread, one.count),
-///     (Vec3::ONE, Vec3::ZERO, 1.0)
-/// );
+/// assert_eq!((one.mean, one.spread, one.count), (Vec3::ONE, Vec3::ZERO, 1.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -79,10 +76,8 @@ pub const VARIANCE_CLAMP_EMPTY: VarianceClampMoments = VarianceClampMoments {
 /// };
 ///
 /// // Half a unit to either side, in each channel.
-/// let bounds = VarianceClampBox {
-///     low: Vec3::splat(-0.5),
-///     high: Vec3::splat(0.5),
-/// };
+/// let bounds =
+///     VarianceClampBox { low: Vec3::splat(-0.5), high: Vec3::splat(0.5) };
 /// let held = variance_clamp_limit(
 ///     Vec3::splat(9.0),
 ///     Vec3::ONE,
@@ -131,10 +126,7 @@ pub fn variance_clamp_usable(color: Vec3) -> u32 {
 /// use glam::Vec3;
 /// use raytwin_cpu::temporal::variance_clamp::variance_clamp_ycocg;
 ///
-/// assert_eq!(
-///     variance_clamp_ycocg(Vec3::splat(0.5)),
-///     Vec3::new(0.5, 0.0, 0.0)
-/// );
+/// assert_eq!(variance_clamp_ycocg(Vec3::splat(0.5)), Vec3::new(0.5, 0.0, 0.0));
 /// ```
 #[inline]
 #[must_use]
@@ -159,7 +151,9 @@ pub fn variance_clamp_ycocg(rgb: Vec3) -> Vec3 {
 /// };
 ///
 /// let rgb = Vec3::new(0.8, 0.5, 0.1);
-/// assert!((variance_clamp_rgb(variance_clamp_ycocg(rgb)) - rgb).length() < 1e-6);
+/// assert!(
+///     (variance_clamp_rgb(variance_clamp_ycocg(rgb)) - rgb).length() < 1e-6
+/// );
 /// ```
 #[inline]
 #[must_use]
@@ -274,14 +268,8 @@ pub fn variance_clamp_add(
 ///         variance_clamp_add(moments, Vec3::splat(value), VARIANCE_CLAMP_RGB);
 /// }
 /// // Half a deviation; and never beyond the smallest and the largest.
-/// assert_eq!(
-///     variance_clamp_box(moments, 0.5, VARIANCE_CLAMP_RGB).high.x,
-///     0.5
-/// );
-/// assert_eq!(
-///     variance_clamp_box(moments, 9.0, VARIANCE_CLAMP_RGB).high.x,
-///     1.0
-/// );
+/// assert_eq!(variance_clamp_box(moments, 0.5, VARIANCE_CLAMP_RGB).high.x, 0.5);
+/// assert_eq!(variance_clamp_box(moments, 9.0, VARIANCE_CLAMP_RGB).high.x, 1.0);
 /// ```
 #[inline]
 #[must_use]
@@ -347,10 +335,8 @@ fn variance_clamp_between(value: f32, a: f32, b: f32) -> f32 {
 ///     VARIANCE_CLAMP_RGB, VarianceClampBox, variance_clamp_limit,
 /// };
 ///
-/// let bounds = VarianceClampBox {
-///     low: Vec3::splat(-0.5),
-///     high: Vec3::splat(0.5),
-/// };
+/// let bounds =
+///     VarianceClampBox { low: Vec3::splat(-0.5), high: Vec3::splat(0.5) };
 /// let history = Vec3::new(9.0, 1.0, 1.0);
 /// // Clamped, only the channel that is outside moves.
 /// let clamped =

@@ -141,10 +141,7 @@ where
 /// let read = |block: UVec2| 0x1234_5678 ^ block.x;
 /// let row = |at: UVec2| packed_visibility_horizontal(at, size, read);
 /// let two_passes = visibility_clamp_rows_pixel(pixel, size, 1.0, 0.5, row);
-/// assert_eq!(
-///     two_passes,
-///     visibility_clamp_pixel(pixel, size, 1.0, 0.5, read)
-/// );
+/// assert_eq!(two_passes, visibility_clamp_pixel(pixel, size, 1.0, 0.5, read));
 /// ```
 #[inline]
 #[must_use]
