@@ -274,3 +274,45 @@ fn the_readme_quotes_what_is_tested() {
     assert!(web(&readme).is_some());
     assert_eq!(web(&readme), web(&read("wgsl/npm/README.md")));
 }
+
+/// What a reader of the CPU crate's documentation can copy and run.
+#[test]
+fn every_public_item_of_the_cpu_crate_has_an_example() {
+    fn walk(folder: &Path, count: &mut usize, without: &mut Vec<String>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of the CPU crate") {
+            let path = entry.expect("directory entry").path();
+            if path.is_dir() {
+                walk(&path, count, without);
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("a source file");
+            let code = text.split("#[cfg(test)]\nmod tests").next();
+            let mut example = false;
+            for line in code.unwrap_or_default().lines().map(str::trim) {
+                if line.starts_with("///") {
+                    example |= line.contains("```");
+                    continue;
+                }
+                let mut words = line.split(|c: char| !c.is_alphanumeric() && c != '_');
+                let public = words.next() == Some("pub") && !line.starts_with("pub(");
+                let kind = words.find(|w| !["const", "unsafe"].contains(w));
+                if public && ["fn", "struct", "enum", "trait"].map(Some).contains(&kind) {
+                    *count += 1;
+                    if !example {
+                        let name = words.next().unwrap_or_default();
+                        without.push(format!("{}: {name}", path.display()));
+                    }
+                }
+                // Attributes and comments stand between an item and its documentation.
+                example &= line.starts_with("#[") || line.starts_with("//");
+            }
+        }
+    }
+    let (mut count, mut without) = (0, Vec::new());
+    walk(&root().join("cpu/src"), &mut count, &mut without);
+    assert!(
+        without.is_empty(),
+        "without an example in the documentation: {without:#?}"
+    );
+    assert!(count > 440, "{count} items");
+}
