@@ -23,6 +23,14 @@
 use std::fmt;
 
 /// One WGSL text and what it stands on.
+///
+/// ```
+/// let cone = raytwin_wgsl::module("sample/cone").unwrap();
+/// assert_eq!(cone.requires, ["math/trig"]);
+/// assert!(cone.source.contains("fn cone_sample("));
+/// // It reads nothing, so the program defines nothing for it.
+/// assert!(cone.callbacks.is_empty() && cone.bindings.is_none());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Module {
     /// Path of the technique, `group/name`, the same as on the CPU side.
@@ -42,6 +50,13 @@ pub struct Module {
 
 /// Ready bindings over textures. Storage textures are written `rgba16float`;
 /// [`Images::Textures32`] makes them `rgba32float`.
+///
+/// ```
+/// // A filter that can read its images from textures.
+/// let taa = raytwin_wgsl::module("temporal/taa").unwrap();
+/// let textures = taa.textures.unwrap();
+/// assert!(textures.source.contains("texture_2d<f32>"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Textures {
     /// The text.
@@ -51,6 +66,12 @@ pub struct Textures {
 }
 
 /// Compute entry points of a filter, over any of its ready bindings.
+///
+/// ```
+/// let pass = raytwin_wgsl::find_pass("temporal/taa").unwrap();
+/// assert_eq!(pass.module, "temporal/taa");
+/// assert!(pass.source.contains("@compute"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pass {
     /// What [`link_pass`] knows it by.
@@ -67,6 +88,15 @@ pub struct Pass {
 }
 
 /// Where the images of a pass are.
+///
+/// ```
+/// use raytwin_wgsl::{Images, link_pass};
+/// // The same filter, over buffers and over textures.
+/// let buffers = link_pass("temporal/taa", Images::Buffers)?;
+/// let textures = link_pass("temporal/taa", Images::Textures16)?;
+/// assert!(buffers.contains("var<storage") && textures.contains("rgba16float"));
+/// # Ok::<(), raytwin_wgsl::LinkError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Images {
     /// In storage buffers, row by row, 32 bits a number.
@@ -99,6 +129,12 @@ pub mod pass {
 }
 
 /// Why [`link`] could not put a program together.
+///
+/// ```
+/// let error = raytwin_wgsl::link(&["sample/cnoe"]).unwrap_err();
+/// assert_eq!((error.module.as_str(), error.required_by), ("sample/cnoe", None));
+/// assert!(error.to_string().contains("`sample/cnoe`"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkError {
     /// The name that no module has.
@@ -123,6 +159,11 @@ impl fmt::Display for LinkError {
 impl std::error::Error for LinkError {}
 
 /// The module of this name (`"sample/cone"`), if there is one.
+///
+/// ```
+/// assert!(raytwin_wgsl::module("sample/cone").is_some());
+/// assert!(raytwin_wgsl::module("sample/cnoe").is_none());
+/// ```
 #[must_use]
 pub fn module(name: &str) -> Option<&'static Module> {
     MODULES.iter().find(|m| m.name == name)
@@ -130,6 +171,16 @@ pub fn module(name: &str) -> Option<&'static Module> {
 
 /// The named modules and everything that they require, each once,
 /// dependencies first.
+///
+/// ```
+/// // What a module requires comes before it, and once.
+/// let names: Vec<_> = raytwin_wgsl::linked(&["sample/cone", "sample/sphere"])?
+///     .iter()
+///     .map(|m| m.name)
+///     .collect();
+/// assert_eq!(names, ["math/trig", "sample/cone", "sample/sphere"]);
+/// # Ok::<(), raytwin_wgsl::LinkError>(())
+/// ```
 ///
 /// # Errors
 /// If a name is not in [`MODULES`].
@@ -163,6 +214,12 @@ pub fn linked(names: &[&str]) -> Result<Vec<&'static Module>, LinkError> {
 /// One WGSL source with the named modules and everything that they require,
 /// each once, dependencies first.
 ///
+/// ```
+/// let source = raytwin_wgsl::link(&["sample/cone", "sample/sphere"])?;
+/// assert_eq!(source.matches("fn sincos_turn(").count(), 1);
+/// # Ok::<(), raytwin_wgsl::LinkError>(())
+/// ```
+///
 /// # Errors
 /// If a name is not in [`MODULES`].
 pub fn link(names: &[&str]) -> Result<String, LinkError> {
@@ -174,6 +231,12 @@ pub fn link(names: &[&str]) -> Result<String, LinkError> {
 }
 
 /// The pass of this name, if there is one.
+///
+/// ```
+/// let pass = raytwin_wgsl::find_pass("filter/firefly").unwrap();
+/// assert_eq!(pass.name, "filter/firefly");
+/// assert!(raytwin_wgsl::find_pass("sample/cone").is_none());
+/// ```
 #[must_use]
 pub fn find_pass(name: &str) -> Option<&'static Pass> {
     PASSES.iter().find(|p| p.name == name)

@@ -6,6 +6,11 @@ impl Module {
     /// Names that the module declares, in order: functions, constants,
     /// structures, aliases. All begin with the technique's name, so they are
     /// unique.
+    ///
+    /// ```
+    /// let names = raytwin_wgsl::module("sample/cone").unwrap().declares();
+    /// assert!(names.contains(&"cone_sample") && names.contains(&"cone_pdf"));
+    /// ```
     #[must_use]
     pub fn declares(&self) -> Vec<&'static str> {
         declared(self.source)
@@ -13,6 +18,12 @@ impl Module {
 
     /// What the module takes from each of the modules that it requires (itself,
     /// or through another one): the module and the names.
+    ///
+    /// ```
+    /// let imports = raytwin_wgsl::module("sample/cone").unwrap().imports();
+    /// let (module, names) = &imports[0];
+    /// assert_eq!((module.name, names.len()), ("math/trig", 2));
+    /// ```
     #[must_use]
     pub fn imports(&self) -> Vec<(&'static Module, Vec<&'static str>)> {
         self.taken(self.source)
@@ -20,6 +31,11 @@ impl Module {
 
     /// The name under which other module systems import it:
     /// `raytwin::sample::cone`.
+    ///
+    /// ```
+    /// let module = raytwin_wgsl::module("temporal/taa").unwrap();
+    /// assert_eq!(module.import_path(), "raytwin::temporal::taa");
+    /// ```
     #[must_use]
     pub fn import_path(&self) -> String {
         format!("raytwin::{}", self.name.replace('/', "::"))
