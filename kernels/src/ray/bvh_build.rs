@@ -21,6 +21,20 @@ pub const BVH_TRIANGLES_MAX: usize = 1 << 26;
 pub const BVH_COORDINATE_MAX: f32 = 549_755_813_888.0;
 
 /// How much time to spend on a better tree.
+///
+/// ```
+/// use glam::Vec3;
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// // Every quality gives the same hits; what differs is how long they take.
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// for quality in BuildQuality::ALL {
+///     assert!(
+///         Bvh::build(&positions, &[[0, 1, 2]], quality)?.validate().is_ok()
+///     );
+/// }
+/// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BuildQuality {
     /// PLOC with search distance 1, one triangle a leaf.
@@ -64,6 +78,17 @@ impl BuildQuality {
 }
 
 /// Why a mesh has no tree.
+///
+/// ```
+/// use glam::Vec3;
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// // Vertex 7 is not there; the error says which triangle asks for it.
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let error =
+///     Bvh::build(&positions, &[[0, 1, 7]], BuildQuality::Fast).unwrap_err();
+/// assert!(error.to_string().starts_with("triangle 0 uses vertex 7"));
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BvhError {
     /// An index that no vertex has.
@@ -121,6 +146,18 @@ pub enum BvhError {
 }
 
 /// What [`Bvh::validate`] finds wrong with a tree.
+///
+/// ```
+/// use glam::Vec3;
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh, BvhFault};
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let mut tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Fast)?;
+/// // The leaf now asks for a triangle that is not there.
+/// tree.nodes[0].count = 2;
+/// assert!(matches!(tree.validate(), Err(BvhFault::Range { node: 0, .. })));
+/// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BvhFault {
     /// A child index outside the tree, or not above its parent's.
@@ -180,6 +217,24 @@ pub enum BvhFault {
 }
 
 /// A tree over the triangles of one mesh.
+///
+/// ```
+/// use glam::Vec3;
+///
+/// use raytwin::ray::bvh::bvh_closest;
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// use raytwin::ray::ray::Ray;
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+/// let ray = Ray {
+///     origin: Vec3::new(0.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// assert_eq!(bvh_closest(&tree.view(), ray).t, 2.0);
+/// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
     /// The nodes, root first; empty for an empty mesh.
@@ -385,6 +440,20 @@ impl Bvh {
     /// where obvhs goes deeper, that mesh is halved at medians instead.
     /// Deterministic.
     ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// // Two triangles that make a square.
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+    /// let indices = [[0, 1, 2], [0, 2, 3]];
+    /// let tree = Bvh::build(&positions, &indices, BuildQuality::Medium)?;
+    /// assert_eq!(tree.triangles.len(), 2);
+    /// // No triangles, an empty tree.
+    /// assert!(Bvh::build(&positions, &[], BuildQuality::Medium)?.nodes.is_empty());
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
+    ///
     /// # Errors
     /// An index out of range, a vertex that is not finite or beyond
     /// [`BVH_COORDINATE_MAX`] (each with the triangle that uses it), or more
@@ -428,6 +497,24 @@ impl Bvh {
 
     /// The tree for [`bvh_closest`](raytwin_cpu::ray::bvh::bvh_closest) and
     /// [`bvh_any`](raytwin_cpu::ray::bvh::bvh_any).
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh::bvh_any;
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::ray::Ray;
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// assert_eq!(bvh_any(&tree.view(), ray), 1);
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
     #[must_use]
     pub fn view(&self) -> BvhView<'_> {
         BvhView {
@@ -439,6 +526,25 @@ impl Bvh {
     /// The same tree with eight children a node, for the processor's vector
     /// instructions: the same hits, two and a half times as fast.
     ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh::bvh_closest;
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::ray::Ray;
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // The same hit.
+    /// assert_eq!(tree.wide()?.closest(&ray), bvh_closest(&tree.view(), ray));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// The first fault found; none in a tree that [`Bvh::build`] has made.
     pub fn wide(&self) -> Result<Bvh8, Bvh8Fault> {
@@ -447,6 +553,17 @@ impl Bvh {
 
     /// The nodes for `ray/bvh.bindings`: eight words each. An empty tree gives
     /// one node of zeros, since a binding cannot be empty.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// assert_eq!(tree.node_words().len(), 8 * tree.nodes.len());
+    /// assert_eq!(Bvh::default().node_words(), [0; 8]);
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
     #[must_use]
     pub fn node_words(&self) -> Vec<u32> {
         if self.nodes.is_empty() {
@@ -464,6 +581,18 @@ impl Bvh {
 
     /// The triangles for `ray/bvh.bindings`: twelve words each, the primitive
     /// index fourth. An empty tree gives one triangle of zeros.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// // Three vertices of four words; the fourth is the primitive's index.
+    /// let words = tree.triangle_words();
+    /// assert_eq!((words.len(), words[3]), (12, 0));
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
     #[must_use]
     pub fn triangle_words(&self) -> Vec<u32> {
         if self.triangles.is_empty() {
@@ -480,6 +609,17 @@ impl Bvh {
     }
 
     /// Number of inner levels.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// // One triangle is a leaf, without a level above it.
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// assert_eq!(tree.depth(), 0);
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
     #[must_use]
     pub fn depth(&self) -> usize {
         let mut deepest = 0;
@@ -502,6 +642,19 @@ impl Bvh {
     /// and have one parent each; every box contains what is below it, margin
     /// included; each triangle is in one leaf, each primitive index there
     /// once; and the depth.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let mut tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// assert_eq!(tree.validate(), Ok(()));
+    /// // A box too small for its triangle.
+    /// tree.nodes[0].max = Vec3::ZERO;
+    /// assert!(tree.validate().is_err());
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
     ///
     /// # Errors
     /// The first fault found.
