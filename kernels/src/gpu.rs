@@ -36,6 +36,12 @@ impl BvhBuffers {
 
     /// The WGSL of the ready bindings: it defines `bvh_read_node` and
     /// `bvh_read_triangle` over group [`Self::GROUP`], bindings 0 and 1.
+    ///
+    /// ```
+    /// use raytwin::gpu::BvhBuffers;
+    /// let text = BvhBuffers::bindings_wgsl();
+    /// assert!(text.contains("fn bvh_read_node(") && text.contains("@group(2)"));
+    /// ```
     #[must_use]
     pub fn bindings_wgsl() -> &'static str {
         raytwin_wgsl::module("ray/bvh")
@@ -45,6 +51,14 @@ impl BvhBuffers {
 
     /// Uploads a tree: `Bvh::node_words` and `Bvh::triangle_words`. Empty
     /// slices make an empty tree, which every ray misses.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device, bvh: &raytwin::ray::bvh_build::Bvh) {
+    /// use raytwin::gpu::BvhBuffers;
+    /// let buffers =
+    ///     BvhBuffers::new(device, &bvh.node_words(), &bvh.triangle_words());
+    /// # }
+    /// ```
     #[must_use]
     pub fn new(device: &wgpu::Device, nodes: &[u32], triangles: &[u32]) -> Self {
         // A binding may not be empty: a node of zeros has no child and no
@@ -97,18 +111,45 @@ impl BvhBuffers {
     }
 
     /// Layout for your pipeline layout, at index [`Self::GROUP`].
+    ///
+    /// ```no_run
+    /// # use raytwin::gpu::BvhBuffers;
+    /// # fn demo(device: &wgpu::Device, buffers: &BvhBuffers) {
+    /// // In a pipeline layout, after two groups of your own.
+    /// let layouts = [None, None, Some(buffers.layout())];
+    /// let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+    ///     label: None,
+    ///     bind_group_layouts: &layouts,
+    ///     immediate_size: 0,
+    /// });
+    /// # }
+    /// ```
     #[must_use]
     pub fn layout(&self) -> &wgpu::BindGroupLayout {
         &self.layout
     }
 
     /// The bind group for your pass, at index [`Self::GROUP`].
+    ///
+    /// ```no_run
+    /// # use raytwin::gpu::BvhBuffers;
+    /// # fn demo(pass: &mut wgpu::ComputePass<'_>, buffers: &BvhBuffers) {
+    /// pass.set_bind_group(BvhBuffers::GROUP, buffers.bind_group(), &[]);
+    /// # }
+    /// ```
     #[must_use]
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
     }
 
     /// Bytes that the tree takes on the device.
+    ///
+    /// ```no_run
+    /// # use raytwin::gpu::BvhBuffers;
+    /// # fn demo(buffers: &BvhBuffers) {
+    /// println!("{} MiB", buffers.size() >> 20);
+    /// # }
+    /// ```
     #[must_use]
     pub fn size(&self) -> u64 {
         self.nodes.size() + self.triangles.size()

@@ -26,6 +26,22 @@ mod gpu {
     const LIST_HEAD: u64 = 20;
 
     /// What is filtered.
+    ///
+    /// ```no_run
+    /// use glam::UVec2;
+    ///
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// # ) -> Result<(), raytwin::wgsl::LinkError> {
+    /// use glam::UVec2;
+    /// use raytwin::filter::svgf::SvgfSettings;
+    /// use raytwin::pass::svgf::{SvgfGpu, SvgfSignal};
+    /// // A shadow has one channel.
+    /// let (size, signal) = (UVec2::new(1920, 1080), SvgfSignal::Scalar);
+    /// let filter = SvgfGpu::new(device, size, SvgfSettings::BLOG, signal)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum SvgfSignal {
         /// Three channels: `vec4f` a pixel, the variance last.
@@ -115,6 +131,22 @@ mod gpu {
         /// Compiles the passes and makes the buffers. Each side of `size` counts
         /// as 1 at least; at most 16 passes.
         ///
+        /// ```no_run
+        /// use glam::UVec2;
+        ///
+        /// # fn demo(
+        /// #     device: &wgpu::Device,
+        /// # ) -> Result<(), raytwin::wgsl::LinkError> {
+        /// use glam::UVec2;
+        /// use raytwin::filter::svgf::SvgfSettings;
+        /// use raytwin::pass::svgf::{SvgfGpu, SvgfSignal};
+        /// let (size, signal) = (UVec2::new(1920, 1080), SvgfSignal::Color);
+        /// let filter = SvgfGpu::new(device, size, SvgfSettings::PAPER, signal)?;
+        /// assert_eq!(filter.size(), size);
+        /// # Ok(())
+        /// # }
+        /// ```
+        ///
         /// # Errors
         /// If a module that the passes stand on is not registered.
         pub fn new(
@@ -134,6 +166,24 @@ mod gpu {
         /// The list of the others holds `most` tiles (at least 3; a `u32` each,
         /// and never more than there are). If more are needed, all are filtered.
         /// The device must support indirect dispatch.
+        ///
+        /// ```no_run
+        /// use glam::UVec2;
+        ///
+        /// # fn demo(
+        /// #     device: &wgpu::Device,
+        /// # ) -> Result<(), raytwin::wgsl::LinkError> {
+        /// use glam::UVec2;
+        /// use raytwin::filter::svgf::SvgfSettings;
+        /// use raytwin::pass::svgf::{SvgfGpu, SvgfSignal};
+        /// let (size, signal) = (UVec2::new(1920, 1080), SvgfSignal::Scalar);
+        /// // A list for half of the 240 × 135 tiles.
+        /// let filter =
+        ///     SvgfGpu::with_tiles(device, size, SvgfSettings::PAPER, signal, 16200)?;
+        /// assert!(filter.tiles().is_some());
+        /// # Ok(())
+        /// # }
+        /// ```
         ///
         /// # Errors
         /// If a module that the passes stand on is not registered.
@@ -247,6 +297,17 @@ mod gpu {
         }
 
         /// New buffers for another size; the pipelines stay.
+        ///
+        /// ```no_run
+        /// use glam::UVec2;
+        ///
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(device: &wgpu::Device, filter: &mut SvgfGpu) {
+        /// use glam::UVec2;
+        /// filter.resize(device, UVec2::new(1280, 720));
+        /// assert_eq!(filter.size(), UVec2::new(1280, 720));
+        /// # }
+        /// ```
         pub fn resize(&mut self, device: &wgpu::Device, size: UVec2) {
             self.size = size.max(UVec2::ONE);
             self.buffers =
@@ -258,6 +319,13 @@ mod gpu {
         }
 
         /// Width and height.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(filter: &SvgfGpu) {
+        /// let pixels = filter.size().x * filter.size().y;
+        /// # }
+        /// ```
         #[must_use]
         pub fn size(&self) -> UVec2 {
             self.size
@@ -265,6 +333,15 @@ mod gpu {
 
         /// Two `vec4f` a pixel: position and reach, normal and 0. A reach of 0
         /// says that there is no surface.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(queue: &wgpu::Queue, filter: &SvgfGpu, floats: &[f32]) {
+        /// // Eight numbers a pixel: position and reach, normal and 0.
+        /// let bytes: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+        /// queue.write_buffer(filter.surfaces(), 0, &bytes);
+        /// # }
+        /// ```
         #[must_use]
         pub fn surfaces(&self) -> &wgpu::Buffer {
             &self.buffers.surfaces
@@ -273,12 +350,34 @@ mod gpu {
         /// Frames that each pixel has accumulated, an `f32`: where they are
         /// fewer than the settings' `history` the variance is estimated over the
         /// image.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(queue: &wgpu::Queue, filter: &SvgfGpu) {
+        /// // Every pixel has only this frame: the variance comes from the image.
+        /// let pixels = (filter.size().x * filter.size().y) as usize;
+        /// queue.write_buffer(
+        ///     filter.history(),
+        ///     0,
+        ///     &1.0_f32.to_le_bytes().repeat(pixels),
+        /// );
+        /// # }
+        /// ```
         #[must_use]
         pub fn history(&self) -> &wgpu::Buffer {
             &self.buffers.history
         }
 
         /// The noisy image, with the variance of its luminance last.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(queue: &wgpu::Queue, filter: &SvgfGpu, floats: &[f32]) {
+        /// // Three channels and the variance of the luminance.
+        /// let bytes: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+        /// queue.write_buffer(filter.input(), 0, &bytes);
+        /// # }
+        /// ```
         #[must_use]
         pub fn input(&self) -> &wgpu::Buffer {
             &self.buffers.images[0]
@@ -286,6 +385,19 @@ mod gpu {
 
         /// The filtered image and its variance. It may be the same buffer as
         /// [`Self::input`].
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(
+        /// #     filter: &SvgfGpu,
+        /// #     encoder: &mut wgpu::CommandEncoder,
+        /// #     mine: &wgpu::Buffer,
+        /// # ) {
+        /// filter.encode(encoder);
+        /// let from = filter.output();
+        /// encoder.copy_buffer_to_buffer(from, 0, mine, 0, from.size());
+        /// # }
+        /// ```
         #[must_use]
         pub fn output(&self) -> &wgpu::Buffer {
             // The variance's pass is one more.
@@ -293,6 +405,20 @@ mod gpu {
         }
 
         /// The image after the pass whose output becomes the history.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(
+        /// #     filter: &SvgfGpu,
+        /// #     encoder: &mut wgpu::CommandEncoder,
+        /// #     mine: &wgpu::Buffer,
+        /// # ) {
+        /// // The next frame's accumulation starts from this.
+        /// filter.encode(encoder);
+        /// let from = filter.feedback();
+        /// encoder.copy_buffer_to_buffer(from, 0, mine, 0, from.size());
+        /// # }
+        /// ```
         #[must_use]
         pub fn feedback(&self) -> &wgpu::Buffer {
             &self.buffers.feedback
@@ -301,18 +427,57 @@ mod gpu {
         /// With [`Self::with_tiles`], what the last frame filtered: five `u32`
         /// (workgroups in three dimensions; not 0 if the list was too short;
         /// tiles to filter), then their indices, row by row, in no order.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(filter: &SvgfGpu) {
+        /// // Made by `SvgfGpu::new`, it filters every tile and keeps no list.
+        /// if let Some(list) = filter.tiles() {
+        ///     println!("{} bytes", list.size());
+        /// }
+        /// # }
+        /// ```
         #[must_use]
         pub fn tiles(&self) -> Option<&wgpu::Buffer> {
             self.tiles.as_ref().map(|tiles| &tiles.buffers.list)
         }
 
         /// Encodes the variance and all passes.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(
+        /// #     device: &wgpu::Device,
+        /// #     queue: &wgpu::Queue,
+        /// #     filter: &SvgfGpu,
+        /// # ) {
+        /// let mut encoder = device.create_command_encoder(&Default::default());
+        /// filter.encode(&mut encoder);
+        /// queue.submit([encoder.finish()]);
+        /// # }
+        /// ```
         pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
             self.encode_timed(encoder, None);
         }
 
         /// As [`Self::encode`]; pass `i` of [`Self::passes`] writes its beginning
         /// and its end to the timestamps `2 * i` and `2 * i + 1`.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(
+        /// #     device: &wgpu::Device,
+        /// #     filter: &SvgfGpu,
+        /// #     encoder: &mut wgpu::CommandEncoder,
+        /// # ) {
+        /// let timestamps = device.create_query_set(&wgpu::QuerySetDescriptor {
+        ///     label: None,
+        ///     ty: wgpu::QueryType::Timestamp,
+        ///     count: 2 * filter.passes().len() as u32,
+        /// });
+        /// filter.encode_timed(encoder, Some(&timestamps));
+        /// # }
+        /// ```
         pub fn encode_timed(
             &self,
             encoder: &mut wgpu::CommandEncoder,
@@ -445,6 +610,14 @@ mod gpu {
     }
 
     /// A pass of a frame, and the memory it moves.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::svgf::SvgfGpu;
+    /// # fn demo(filter: &SvgfGpu) {
+    /// let moved: u64 = filter.passes().iter().map(|pass| pass.ideal).sum();
+    /// println!("at least {} MiB a frame", moved >> 20);
+    /// # }
+    /// ```
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct SvgfGpuPass {
         /// `variance`, or `step 4`.
@@ -458,6 +631,16 @@ mod gpu {
 
     impl SvgfGpu {
         /// The passes that [`Self::encode`] encodes, in order.
+        ///
+        /// ```no_run
+        /// # use raytwin::pass::svgf::SvgfGpu;
+        /// # fn demo(filter: &SvgfGpu) {
+        /// // The variance first, then the steps.
+        /// for pass in filter.passes() {
+        ///     println!("{}: {} bytes", pass.name, pass.counted);
+        /// }
+        /// # }
+        /// ```
         #[must_use]
         pub fn passes(&self) -> Vec<SvgfGpuPass> {
             const SURFACE: u64 = 32;

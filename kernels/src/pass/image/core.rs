@@ -12,6 +12,26 @@ const GROUP: u32 = 2;
 const SIDE: UVec2 = UVec2::splat(8);
 
 /// Why a pass could not be made or bound.
+///
+/// ```no_run
+/// # fn demo(
+/// #     taa: &raytwin::pass::image::TaaGpu,
+/// #     device: &wgpu::Device,
+/// #     buffer: &wgpu::Buffer,
+/// # ) {
+/// use raytwin::pass::image::{TaaImages, TaaSettings};
+/// // A pass over textures does not take a buffer; the error names the image.
+/// let settings = TaaSettings { alpha: 0.1, exposure: 1.0 };
+/// let images = TaaImages {
+///     colors: buffer.into(),
+///     histories: buffer.into(),
+///     results: buffer.into(),
+/// };
+/// if let Err(error) = taa.bind(device, settings, images) {
+///     eprintln!("{error}");
+/// }
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PassError {
@@ -76,6 +96,17 @@ impl From<LinkError> for PassError {
 }
 
 /// An image that fits a pass.
+///
+/// ```no_run
+/// # use raytwin::pass::image::TaaGpu;
+/// # fn demo(device: &wgpu::Device, taa: &TaaGpu) {
+/// use raytwin::pass::image::Image;
+/// match taa.target(device) {
+///     Image::Buffer(buffer) => println!("{} bytes", buffer.size()),
+///     Image::Texture { texture, .. } => println!("{:?}", texture.format()),
+/// }
+/// # }
+/// ```
 #[derive(Clone, Debug)]
 pub enum Image {
     /// Row by row.
@@ -90,6 +121,18 @@ pub enum Image {
 }
 
 /// An image of yours, or an [`Image`].
+///
+/// ```no_run
+/// # fn demo(
+/// #     buffer: &wgpu::Buffer,
+/// #     view: &wgpu::TextureView,
+/// #     image: &raytwin::pass::image::Image,
+/// # ) {
+/// use raytwin::pass::image::ImageRef;
+/// // Any of these can be bound.
+/// let images: [ImageRef<'_>; 3] = [buffer.into(), view.into(), image.into()];
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub enum ImageRef<'a> {
     /// Row by row.
@@ -539,6 +582,22 @@ pub(super) struct BoundStep {
 }
 
 /// A pass with its images and settings: encode it as often as you like.
+///
+/// ```no_run
+/// # use raytwin::pass::image::BoundPass;
+/// # fn demo(
+/// #     device: &wgpu::Device,
+/// #     queue: &wgpu::Queue,
+/// #     bound: &[BoundPass],
+/// # ) {
+/// // Passes of a frame, one after the other in one encoder.
+/// let mut encoder = device.create_command_encoder(&Default::default());
+/// for pass in bound {
+///     pass.encode(&mut encoder);
+/// }
+/// queue.submit([encoder.finish()]);
+/// # }
+/// ```
 #[derive(Clone, Debug)]
 pub struct BoundPass {
     pub(super) steps: Vec<BoundStep>,
@@ -546,12 +605,35 @@ pub struct BoundPass {
 
 impl BoundPass {
     /// Encodes it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::BoundPass;
+    /// # fn demo(bound: &BoundPass, encoder: &mut wgpu::CommandEncoder) {
+    /// bound.encode(encoder);
+    /// # }
+    /// ```
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_timed(encoder, None);
     }
 
     /// As [`Self::encode`]; step `i` of [`Self::steps`] writes its beginning and
     /// its end to the timestamps `2 * i` and `2 * i + 1`.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::BoundPass;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     bound: &BoundPass,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) {
+    /// let timestamps = device.create_query_set(&wgpu::QuerySetDescriptor {
+    ///     label: None,
+    ///     ty: wgpu::QueryType::Timestamp,
+    ///     count: 2 * bound.steps().count() as u32,
+    /// });
+    /// bound.encode_timed(encoder, Some(&timestamps));
+    /// # }
+    /// ```
     pub fn encode_timed(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -573,12 +655,47 @@ impl BoundPass {
     }
 
     /// The entry points that it dispatches, in order.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::BoundPass;
+    /// # fn demo(bound: &BoundPass) {
+    /// let names: Vec<_> = bound.steps().collect();
+    /// println!("{}", names.join(", "));
+    /// # }
+    /// ```
     pub fn steps(&self) -> impl Iterator<Item = &'static str> + '_ {
         self.steps.iter().map(|step| step.name)
     }
 }
 
 /// A program for one entry point of a pass.
+///
+/// ```no_run
+/// use glam::UVec2;
+///
+/// # fn demo(
+/// #     device: &wgpu::Device,
+/// # ) -> Result<(), raytwin::pass::image::PassError> {
+/// use glam::UVec2;
+/// use raytwin::pass::image::{PassProgram, TaaGpu};
+/// use raytwin::wgsl::Images;
+/// // A compiler of your own, here one that only says what it compiles.
+/// let compile = |program: &PassProgram<'_>| {
+///     println!("{}: bindings {:?}", program.entry, program.bindings);
+///     device.create_shader_module(wgpu::ShaderModuleDescriptor {
+///         label: Some(program.entry),
+///         source: wgpu::ShaderSource::Wgsl(program.source.into()),
+///     })
+/// };
+/// let taa = TaaGpu::with_compiler(
+///     device,
+///     UVec2::new(1920, 1080),
+///     Images::Buffers,
+///     compile,
+/// )?;
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PassProgram<'a> {
     /// All of its WGSL: the same for all entry points of a pass.
@@ -619,6 +736,21 @@ macro_rules! image_pass {
             /// Compiles the pass and makes what it keeps. Each side of `size`
             /// counts as 1 at least.
             ///
+            /// ```no_run
+            /// use glam::UVec2;
+            ///
+            /// # use raytwin::pass::image::PassError;
+            /// # fn demo(
+            /// #     device: &wgpu::Device,
+            /// # ) -> Result<(), raytwin::pass::image::PassError> {
+            /// use glam::UVec2;
+            /// use raytwin::pass::image::TaaGpu;
+            /// use raytwin::wgsl::Images;
+            /// let taa = TaaGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+            /// # Ok(())
+            /// # }
+            /// ```
+            ///
             /// # Errors
             /// If a module that it stands on is not registered.
             pub fn new(
@@ -631,6 +763,32 @@ macro_rules! image_pass {
 
             /// As [`Self::new`], with a compiler of your own, asked once for each
             /// entry point: without bounds checks, say, or with a cache.
+            ///
+            /// ```no_run
+            /// use glam::UVec2;
+            ///
+            /// # use raytwin::pass::image::PassError;
+            /// # fn demo(
+            /// #     device: &wgpu::Device,
+            /// # ) -> Result<(), raytwin::pass::image::PassError> {
+            /// use glam::UVec2;
+            /// use raytwin::pass::image::{PassProgram, TaaGpu};
+            /// use raytwin::wgsl::Images;
+            /// let compile = |program: &PassProgram<'_>| {
+            ///     device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            ///         label: None,
+            ///         source: wgpu::ShaderSource::Wgsl(program.source.into()),
+            ///     })
+            /// };
+            /// let taa = TaaGpu::with_compiler(
+            ///     device,
+            ///     UVec2::new(1920, 1080),
+            ///     Images::Buffers,
+            ///     compile,
+            /// )?;
+            /// # Ok(())
+            /// # }
+            /// ```
             ///
             /// # Errors
             /// If a module that it stands on is not registered.
@@ -645,17 +803,48 @@ macro_rules! image_pass {
             }
 
             /// For images of another size; the pipelines stay. Bind anew.
+            ///
+            /// ```no_run
+            /// use glam::UVec2;
+            ///
+            /// # use raytwin::pass::image::TaaGpu;
+            /// # fn demo(
+            /// #     device: &wgpu::Device,
+            /// #     taa: &mut TaaGpu,
+            /// # ) {
+            /// taa.resize(device, glam::UVec2::new(1280, 720));
+            /// # }
+            /// ```
             pub fn resize(&mut self, device: &wgpu::Device, size: UVec2) {
                 self.core.resize(device, size);
             }
 
             /// Width and height of the results.
+            ///
+            /// ```no_run
+            /// # use raytwin::pass::image::TaaGpu;
+            /// # fn demo(
+            /// #     taa: &TaaGpu,
+            /// # ) {
+            /// println!("{} pixels", taa.size().x * taa.size().y);
+            /// # }
+            /// ```
             #[must_use]
             pub fn size(&self) -> UVec2 {
                 self.core.size
             }
 
             /// The kind of images that it was created for.
+            ///
+            /// ```no_run
+            /// # use raytwin::pass::image::TaaGpu;
+            /// # fn demo(
+            /// #     taa: &TaaGpu,
+            /// # ) {
+            /// use raytwin::wgsl::Images;
+            /// let buffers = taa.images() == Images::Buffers;
+            /// # }
+            /// ```
             #[must_use]
             pub fn images(&self) -> Images {
                 self.core.images
@@ -667,6 +856,17 @@ macro_rules! image_pass {
 
         impl $name {
             /// An image that fits its results.
+            ///
+            /// ```no_run
+            /// # use raytwin::pass::image::TaaGpu;
+            /// # fn demo(
+            /// #     device: &wgpu::Device,
+            /// #     taa: &TaaGpu,
+            /// # ) {
+            /// // The last picture and the new one; they change places each frame.
+            /// let pictures = [taa.target(device), taa.target(device)];
+            /// # }
+            /// ```
             #[must_use]
             pub fn target(&self, device: &wgpu::Device) -> Image {
                 self.core.target(device, $texel)

@@ -16,6 +16,17 @@ use Texel::{Color, Pair, Scalar};
 image_pass! {
     /// [`filter/bilateral_upsample`](crate::filter::bilateral_upsample): a
     /// low-resolution image at full resolution, across no edge.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::BilateralUpsampleGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = BilateralUpsampleGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     BilateralUpsampleGpu
     Plan {
         name: "filter/bilateral_upsample",
@@ -33,6 +44,17 @@ image_pass! {
 }
 
 /// What [`BilateralUpsampleGpu`] does.
+///
+/// ```
+/// use glam::UVec2;
+///
+/// use raytwin::pass::image::BilateralUpsampleSettings;
+/// // From half resolution to 1920 × 1080.
+/// let settings = BilateralUpsampleSettings {
+///     low_size: glam::UVec2::new(960, 540),
+///     scale: 2,
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BilateralUpsampleSettings {
     /// Width and height of the low-resolution image.
@@ -42,6 +64,19 @@ pub struct BilateralUpsampleSettings {
 }
 
 /// What [`BilateralUpsampleGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     low_surfaces: SurfacesRef<'_>,
+/// #     colors: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images =
+///     BilateralUpsampleImages { surfaces, colors, low_surfaces, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct BilateralUpsampleImages<'a> {
     /// At full resolution.
@@ -57,6 +92,30 @@ pub struct BilateralUpsampleImages<'a> {
 
 impl BilateralUpsampleGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// use glam::UVec2;
+    ///
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &BilateralUpsampleGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     low_surfaces: SurfacesRef<'_>,
+    /// #     colors: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings = BilateralUpsampleSettings {
+    ///     low_size: glam::UVec2::new(960, 540),
+    ///     scale: 2,
+    /// };
+    /// let images =
+    ///     BilateralUpsampleImages { surfaces, colors, low_surfaces, results };
+    /// pass.bind(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -87,6 +146,17 @@ impl BilateralUpsampleGpu {
 image_pass! {
     /// [`filter/bilateral_variance`](crate::filter::bilateral_variance): a blur
     /// as wide as the noise is strong.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::BilateralVarianceGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = BilateralVarianceGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     BilateralVarianceGpu
     Plan {
         name: "filter/bilateral_variance",
@@ -104,6 +174,13 @@ image_pass! {
 }
 
 /// What [`BilateralVarianceGpu`] does.
+///
+/// ```
+/// use raytwin::pass::image::BilateralVarianceSettings;
+/// // For frame 7.
+/// let settings =
+///     BilateralVarianceSettings { max_radius: 8.0, max_taps: 32, seed: 7 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BilateralVarianceSettings {
     /// Radius in pixels where the noise is strongest.
@@ -115,6 +192,17 @@ pub struct BilateralVarianceSettings {
 }
 
 /// What [`BilateralVarianceGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     colors: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = BilateralVarianceImages { colors, surfaces, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct BilateralVarianceImages<'a> {
     /// Three channels and their variance.
@@ -127,6 +215,24 @@ pub struct BilateralVarianceImages<'a> {
 
 impl BilateralVarianceGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &BilateralVarianceGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     colors: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings =
+    ///     BilateralVarianceSettings { max_radius: 8.0, max_taps: 32, seed: 7 };
+    /// let images = BilateralVarianceImages { colors, surfaces, results };
+    /// pass.bind(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -157,6 +263,17 @@ impl BilateralVarianceGpu {
 image_pass! {
     /// [`filter/firefly`](crate::filter::firefly): lone bright pixels, held to
     /// their neighbours.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::FireflyGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = FireflyGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     FireflyGpu
     Plan {
         name: "filter/firefly",
@@ -171,6 +288,13 @@ image_pass! {
 }
 
 /// How [`FireflyGpu`] holds a pixel to its neighbours.
+///
+/// ```
+/// use raytwin::pass::image::FireflyKind;
+/// // At most three standard deviations above the mean of its neighbours.
+/// let kind = FireflyKind::Clamp(3.0);
+/// assert_ne!(kind, FireflyKind::Cap);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FireflyKind {
     /// Each channel at most the largest of the 8 around.
@@ -182,6 +306,16 @@ pub enum FireflyKind {
 }
 
 /// What [`FireflyGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     colors: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = FireflyImages { colors, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FireflyImages<'a> {
     /// Three channels.
@@ -192,6 +326,21 @@ pub struct FireflyImages<'a> {
 
 impl FireflyGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &FireflyGpu,
+    /// #     colors: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = FireflyImages { colors, results };
+    /// pass.bind(device, FireflyKind::Clamp(3.0), images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -224,6 +373,17 @@ impl FireflyGpu {
 image_pass! {
     /// [`filter/separable_blur`](crate::filter::separable_blur): rows, then
     /// columns.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::SeparableBlurGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = SeparableBlurGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     SeparableBlurGpu
     Plan {
         name: "filter/separable_blur",
@@ -253,6 +413,17 @@ const BLUR_TEXTURES: &[Slot] = &[
 ];
 
 /// What [`SeparableBlurGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     values: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = SeparableBlurImages { values, surfaces, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SeparableBlurImages<'a> {
     /// One channel.
@@ -265,6 +436,22 @@ pub struct SeparableBlurImages<'a> {
 
 impl SeparableBlurGpu {
     /// Binds it; `radius` in pixels.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &SeparableBlurGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     values: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = SeparableBlurImages { values, surfaces, results };
+    /// pass.bind(device, 4, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -301,6 +488,17 @@ image_pass! {
     /// [`filter/spatial_reconstruct`](crate::filter::spatial_reconstruct) with
     /// the ready bindings' GGX weight: reflections traced at half resolution,
     /// at full resolution.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::SpatialReconstructGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = SpatialReconstructGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     SpatialReconstructGpu
     Plan {
         name: "filter/spatial_reconstruct",
@@ -318,6 +516,18 @@ image_pass! {
 }
 
 /// What [`SpatialReconstructGpu`] does.
+///
+/// ```
+/// use glam::UVec2;
+///
+/// use raytwin::pass::image::SpatialReconstructSettings;
+/// // Eight hits of a half-resolution image a pixel, in frame 7.
+/// let settings = SpatialReconstructSettings {
+///     low_size: glam::UVec2::new(960, 540),
+///     count: 8,
+///     seed: 7,
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpatialReconstructSettings {
     /// Width and height of the half-resolution image.
@@ -329,6 +539,25 @@ pub struct SpatialReconstructSettings {
 }
 
 /// What [`SpatialReconstructGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     hits: ImageRef<'_>,
+/// #     radiances: ImageRef<'_>,
+/// #     alphas: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = SpatialReconstructImages {
+///     hits,
+///     radiances,
+///     surfaces,
+///     alphas: Some(alphas),
+///     results,
+/// };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SpatialReconstructImages<'a> {
     /// At half resolution: where each ray hit, and its direction's density.
@@ -346,6 +575,37 @@ pub struct SpatialReconstructImages<'a> {
 
 impl SpatialReconstructGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// use glam::UVec2;
+    ///
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &SpatialReconstructGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     hits: ImageRef<'_>,
+    /// #     radiances: ImageRef<'_>,
+    /// #     alphas: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings = SpatialReconstructSettings {
+    ///     low_size: glam::UVec2::new(960, 540),
+    ///     count: 8,
+    ///     seed: 7,
+    /// };
+    /// let images = SpatialReconstructImages {
+    ///     hits,
+    ///     radiances,
+    ///     surfaces,
+    ///     alphas: Some(alphas),
+    ///     results,
+    /// };
+    /// pass.bind(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind, or `alphas` is missing beside a
@@ -482,6 +742,17 @@ image_pass! {
     /// [`filter/svgf`](crate::filter::svgf) for three channels over your own
     /// images. [`SvgfGpu`](crate::pass::svgf::SvgfGpu) owns its buffers instead
     /// and can leave tiles out.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::SvgfColorImageGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = SvgfColorImageGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     SvgfColorImageGpu SVGF_COLOR, target Color
 }
 
@@ -492,6 +763,25 @@ image_pass! {
 }
 
 /// What [`SvgfColorImageGpu`] and [`SvgfScalarImageGpu`] read and write.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     input: ImageRef<'_>,
+/// #     histories: ImageRef<'_>,
+/// #     feedback: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = SvgfImages {
+///     input,
+///     histories,
+///     surfaces,
+///     feedback: Some(feedback),
+///     results,
+/// };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SvgfImages<'a> {
     /// The noisy image, with the variance of its luminance last.
@@ -511,6 +801,31 @@ pub struct SvgfImages<'a> {
 impl SvgfColorImageGpu {
     /// Binds the variance and all passes (16 at most).
     ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &SvgfColorImageGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     input: ImageRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     feedback: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = SvgfImages {
+    ///     input,
+    ///     histories,
+    ///     surfaces,
+    ///     feedback: Some(feedback),
+    ///     results,
+    /// };
+    /// pass.bind(device, raytwin::filter::svgf::SvgfSettings::PAPER, images)?
+    ///     .encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// If an image is of the wrong kind, or `feedback` is given and the last
     /// pass is the one fed back.
@@ -526,6 +841,31 @@ impl SvgfColorImageGpu {
 
 impl SvgfScalarImageGpu {
     /// As [`SvgfColorImageGpu::bind`].
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &SvgfScalarImageGpu,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     input: ImageRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     feedback: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = SvgfImages {
+    ///     input,
+    ///     histories,
+    ///     surfaces,
+    ///     feedback: Some(feedback),
+    ///     results,
+    /// };
+    /// pass.bind(device, raytwin::filter::svgf::SvgfSettings::PAPER, images)?
+    ///     .encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// As there.

@@ -17,6 +17,17 @@ use Texel::{Color, Moments};
 image_pass! {
     /// [`temporal/accumulate`](crate::temporal::accumulate): averages with their
     /// variance.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::AccumulateGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = AccumulateGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     AccumulateGpu
     Plan {
         name: "temporal/accumulate",
@@ -46,6 +57,12 @@ image_pass! {
 }
 
 /// What [`AccumulateGpu`] does.
+///
+/// ```
+/// use raytwin::pass::image::AccumulateSettings;
+/// // Colours over 32 frames, their variance over 5.
+/// let settings = AccumulateSettings { cap: 32.0, moments_cap: 5.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccumulateSettings {
     /// Frames at which a colour's (or a scalar's) history stops growing.
@@ -55,6 +72,25 @@ pub struct AccumulateSettings {
 }
 
 /// What [`AccumulateGpu`] reads and writes for colours.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     samples: ImageRef<'_>,
+/// #     colors: ImageRef<'_>,
+/// #     moments: ImageRef<'_>,
+/// #     new_colors: ImageRef<'_>,
+/// #     new_moments: ImageRef<'_>,
+/// # ) {
+/// let images = AccumulateColorImages {
+///     samples,
+///     colors,
+///     moments,
+///     new_colors,
+///     new_moments,
+/// };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct AccumulateColorImages<'a> {
     /// This frame.
@@ -71,6 +107,17 @@ pub struct AccumulateColorImages<'a> {
 }
 
 /// What [`AccumulateGpu`] reads and writes for one channel.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     samples: ImageRef<'_>,
+/// #     moments: ImageRef<'_>,
+/// #     new_moments: ImageRef<'_>,
+/// # ) {
+/// let images = AccumulateScalarImages { samples, moments, new_moments };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct AccumulateScalarImages<'a> {
     /// This frame.
@@ -84,12 +131,33 @@ pub struct AccumulateScalarImages<'a> {
 
 impl AccumulateGpu {
     /// An image for colours and their length.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &AccumulateGpu,
+    /// # ) {
+    /// // One to read from and one to write to; they change places each frame.
+    /// let colors = [pass.target_colors(device), pass.target_colors(device)];
+    /// # }
+    /// ```
     #[must_use]
     pub fn target_colors(&self, device: &wgpu::Device) -> Image {
         self.core.target(device, Color)
     }
 
     /// An image for moments.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &AccumulateGpu,
+    /// # ) {
+    /// let moments = [pass.target_moments(device), pass.target_moments(device)];
+    /// # }
+    /// ```
     #[must_use]
     pub fn target_moments(&self, device: &wgpu::Device) -> Image {
         self.core.target(device, Moments)
@@ -106,6 +174,31 @@ impl AccumulateGpu {
     }
 
     /// Binds it for three channels.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &AccumulateGpu,
+    /// #     samples: ImageRef<'_>,
+    /// #     colors: ImageRef<'_>,
+    /// #     moments: ImageRef<'_>,
+    /// #     new_colors: ImageRef<'_>,
+    /// #     new_moments: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings = AccumulateSettings { cap: 32.0, moments_cap: 5.0 };
+    /// let images = AccumulateColorImages {
+    ///     samples,
+    ///     colors,
+    ///     moments,
+    ///     new_colors,
+    ///     new_moments,
+    /// };
+    /// pass.bind_color(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -129,6 +222,23 @@ impl AccumulateGpu {
 
     /// Binds it for one channel.
     ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &AccumulateGpu,
+    /// #     samples: ImageRef<'_>,
+    /// #     moments: ImageRef<'_>,
+    /// #     new_moments: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings = AccumulateSettings { cap: 32.0, moments_cap: 5.0 };
+    /// let images = AccumulateScalarImages { samples, moments, new_moments };
+    /// pass.bind_scalar(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// If an image is of the wrong kind.
     pub fn bind_scalar(
@@ -151,6 +261,17 @@ impl AccumulateGpu {
 image_pass! {
     /// [`temporal/reproject`](crate::temporal::reproject): each pixel's history,
     /// from where its surface was, or what it mirrors.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::ReprojectGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = ReprojectGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     ReprojectGpu
     Plan {
         name: "temporal/reproject",
@@ -185,6 +306,24 @@ image_pass! {
 }
 
 /// What [`ReprojectGpu`] does.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     camera: raytwin::ray::camera::Camera,
+/// #     prior_camera: raytwin::ray::camera::Camera,
+/// # ) {
+/// use raytwin::temporal::reproject::REPROJECT_TOLERANCE;
+/// // Flat surfaces that stand still, and a camera that moves.
+/// let settings = ReprojectSettings {
+///     camera,
+///     prior_camera,
+///     tolerance: REPROJECT_TOLERANCE,
+///     curved: false,
+///     moving: false,
+/// };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReprojectSettings {
     /// The camera that sees this frame. (A G-buffer holds it too; they should
@@ -201,6 +340,20 @@ pub struct ReprojectSettings {
 }
 
 /// What [`ReprojectGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     surfaces: SurfacesRef<'_>,
+/// #     prior_surfaces: SurfacesRef<'_>,
+/// #     histories: ImageRef<'_>,
+/// #     motions: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images =
+///     ReprojectImages { surfaces, prior_surfaces, histories, motions, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectImages<'a> {
     /// Of this frame, with meshes.
@@ -216,6 +369,16 @@ pub struct ReprojectImages<'a> {
 }
 
 /// What [`ReprojectGpu`] needs besides for mirrors.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     distances: ImageRef<'_>,
+/// #     colors: ImageRef<'_>,
+/// # ) {
+/// let mirrors = ReprojectMirrors { distances, colors, blend: true };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectMirrors<'a> {
     /// From the mirror to what it shows.
@@ -263,6 +426,26 @@ impl ReprojectGpu {
 
     /// Binds it for surfaces.
     ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &ReprojectGpu,
+    /// #     settings: ReprojectSettings,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     prior_surfaces: SurfacesRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     motions: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images =
+    ///     ReprojectImages { surfaces, prior_surfaces, histories, motions, results };
+    /// pass.bind_surface(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// If an image is of the wrong kind, or a G-buffer is without meshes.
     pub fn bind_surface(
@@ -278,6 +461,29 @@ impl ReprojectGpu {
     }
 
     /// Binds it for what surfaces mirror.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &ReprojectGpu,
+    /// #     settings: ReprojectSettings,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// #     surfaces: SurfacesRef<'_>,
+    /// #     prior_surfaces: SurfacesRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     motions: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     distances: ImageRef<'_>,
+    /// #     colors: ImageRef<'_>,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images =
+    ///     ReprojectImages { surfaces, prior_surfaces, histories, motions, results };
+    /// let mirrors = ReprojectMirrors { distances, colors, blend: true };
+    /// pass.bind_reflection(device, settings, images, mirrors)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind, or a G-buffer is without meshes.
@@ -300,6 +506,17 @@ impl ReprojectGpu {
 
 image_pass! {
     /// [`temporal/taa`](crate::temporal::taa): Karis's temporal antialiasing.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::TaaGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = TaaGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     TaaGpu
     Plan {
         name: "temporal/taa",
@@ -314,6 +531,12 @@ image_pass! {
 }
 
 /// What [`TaaGpu`] does.
+///
+/// ```
+/// use raytwin::pass::image::TaaSettings;
+/// // A tenth of each new frame; the exposure is what the picture gets later.
+/// let settings = TaaSettings { alpha: 0.1, exposure: 1.0 };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaaSettings {
     /// Part of the new frame in the result, in `[0, 1]`.
@@ -323,6 +546,17 @@ pub struct TaaSettings {
 }
 
 /// What [`TaaGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     colors: ImageRef<'_>,
+/// #     histories: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = TaaImages { colors, histories, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct TaaImages<'a> {
     /// The new frame.
@@ -336,6 +570,23 @@ pub struct TaaImages<'a> {
 
 impl TaaGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &TaaGpu,
+    /// #     colors: ImageRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let settings = TaaSettings { alpha: 0.1, exposure: 1.0 };
+    /// let images = TaaImages { colors, histories, results };
+    /// pass.bind(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -364,6 +615,17 @@ impl TaaGpu {
 image_pass! {
     /// [`temporal/variance_clamp`](crate::temporal::variance_clamp): the history,
     /// held to the colours around each pixel.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::VarianceClampGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = VarianceClampGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     VarianceClampGpu
     Plan {
         name: "temporal/variance_clamp",
@@ -378,6 +640,19 @@ image_pass! {
 }
 
 /// What [`VarianceClampGpu`] does.
+///
+/// ```
+/// use raytwin::pass::image::VarianceClampSettings;
+/// use raytwin::temporal::variance_clamp::{
+///     VARIANCE_CLAMP_CLIP, VARIANCE_CLAMP_YCOCG,
+/// };
+/// // 5 × 5 pixels, clipped in YCoCg.
+/// let settings = VarianceClampSettings {
+///     radius: 2,
+///     mode: VARIANCE_CLAMP_YCOCG | VARIANCE_CLAMP_CLIP,
+///     gamma: 1.0,
+/// };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VarianceClampSettings {
     /// Pixels around the middle one: 2 looks at 5 × 5.
@@ -390,6 +665,17 @@ pub struct VarianceClampSettings {
 }
 
 /// What [`VarianceClampGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     colors: ImageRef<'_>,
+/// #     histories: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = VarianceClampImages { colors, histories, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct VarianceClampImages<'a> {
     /// This frame.
@@ -402,6 +688,30 @@ pub struct VarianceClampImages<'a> {
 
 impl VarianceClampGpu {
     /// Binds it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &VarianceClampGpu,
+    /// #     colors: ImageRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// use raytwin::temporal::variance_clamp::{
+    ///     VARIANCE_CLAMP_CLIP, VARIANCE_CLAMP_YCOCG,
+    /// };
+    /// let settings = VarianceClampSettings {
+    ///     radius: 2,
+    ///     mode: VARIANCE_CLAMP_YCOCG | VARIANCE_CLAMP_CLIP,
+    ///     gamma: 1.0,
+    /// };
+    /// let images = VarianceClampImages { colors, histories, results };
+    /// pass.bind(device, settings, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.

@@ -4,6 +4,17 @@ use super::core::{Bindings, ImageRef, PassError, Uniform};
 use crate::ray::camera::Camera;
 
 /// A G-buffer.
+///
+/// ```no_run
+/// # fn demo(
+/// #     depths: &wgpu::TextureView,
+/// #     normals: &wgpu::TextureView,
+/// #     camera: raytwin::ray::camera::Camera,
+/// # ) {
+/// use raytwin::pass::image::GBuffer;
+/// let surfaces = GBuffer { depths, normals, meshes: None, camera, reach: 0.01 };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct GBuffer<'a> {
     /// Depths along the camera's axis, `r32float` (any float format is read);
@@ -22,6 +33,15 @@ pub struct GBuffer<'a> {
 }
 
 /// The surfaces of an image.
+///
+/// ```no_run
+/// # use raytwin::pass::image::GBuffer;
+/// # fn demo(buffer: &wgpu::Buffer, g_buffer: GBuffer<'_>) {
+/// use raytwin::pass::image::SurfacesRef;
+/// // Over buffers, and over textures.
+/// let surfaces: [SurfacesRef<'_>; 2] = [buffer.into(), g_buffer.into()];
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub enum SurfacesRef<'a> {
     /// For passes over buffers: as the ready bindings of the filter say.

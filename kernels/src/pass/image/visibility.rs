@@ -61,6 +61,17 @@ const SUBGROUPS: Plan = Plan {
 image_pass! {
     /// [`filter/packed_visibility`](crate::filter::packed_visibility): 32 rays a
     /// word, and their mean over 17 × 17 pixels.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::PackedVisibilityGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = PackedVisibilityGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     PackedVisibilityGpu
     Plan {
         name: "filter/packed_visibility",
@@ -71,6 +82,16 @@ image_pass! {
 }
 
 /// What [`PackedVisibilityGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     visible: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = PackedVisibilityImages { visible, results: Some(results) };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PackedVisibilityImages<'a> {
     /// One channel: above 0 where a pixel's ray reached the light.
@@ -83,6 +104,23 @@ pub struct PackedVisibilityImages<'a> {
 impl PackedVisibilityGpu {
     /// As [`Self::new`], with subgroup operations: the device must have
     /// [`wgpu::Features::SUBGROUP`]. The same bits.
+    ///
+    /// ```no_run
+    /// use glam::UVec2;
+    ///
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::wgsl::Images;
+    /// // Where the device cannot do it, `new` gives the same bits.
+    /// let size = UVec2::new(1920, 1080);
+    /// let pass = PackedVisibilityGpu::with_subgroups(device, size, Images::Buffers)
+    ///     .or_else(|_| PackedVisibilityGpu::new(device, size, Images::Buffers))?;
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If a module that it stands on is not registered, or the device lacks the
@@ -104,12 +142,40 @@ impl PackedVisibilityGpu {
 
     /// The words of the blocks, row by row: `u32`, or `r32uint`. What
     /// [`VisibilityClampGpu`] reads.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     pass: &PackedVisibilityGpu,
+    /// #     histories: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// # ) {
+    /// // They go on to the clamp.
+    /// let images =
+    ///     VisibilityClampImages { words: pass.words().into(), histories, results };
+    /// # }
+    /// ```
     #[must_use]
     pub fn words(&self) -> &Image {
         &self.core.owned[0]
     }
 
     /// Binds it.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &PackedVisibilityGpu,
+    /// #     visible: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = PackedVisibilityImages { visible, results: Some(results) };
+    /// pass.bind(device, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
@@ -152,6 +218,17 @@ fn visibility_layout<'a>(core: &Core, bindings: Bindings<'a>) -> Bindings<'a> {
 image_pass! {
     /// [`temporal/visibility_clamp`](crate::temporal::visibility_clamp): a
     /// shadow's history, held to the 17 × 17 rays around each pixel.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device) -> Result<(), raytwin::pass::image::PassError> {
+    /// use glam::UVec2;
+    /// use raytwin::pass::image::VisibilityClampGpu;
+    /// use raytwin::wgsl::Images;
+    ///
+    /// let pass = VisibilityClampGpu::new(device, UVec2::new(1920, 1080), Images::Textures16)?;
+    /// # Ok(())
+    /// # }
+    /// ```
     VisibilityClampGpu
     Plan {
         name: "temporal/visibility_clamp",
@@ -168,6 +245,17 @@ image_pass! {
 }
 
 /// What [`VisibilityClampGpu`] reads and writes.
+///
+/// ```no_run
+/// # use raytwin::pass::image::*;
+/// # fn demo(
+/// #     words: ImageRef<'_>,
+/// #     histories: ImageRef<'_>,
+/// #     results: ImageRef<'_>,
+/// # ) {
+/// let images = VisibilityClampImages { words, histories, results };
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct VisibilityClampImages<'a> {
     /// [`PackedVisibilityGpu::words`].
@@ -180,6 +268,22 @@ pub struct VisibilityClampImages<'a> {
 
 impl VisibilityClampGpu {
     /// Binds it; `gamma` deviations are allowed.
+    ///
+    /// ```no_run
+    /// # use raytwin::pass::image::*;
+    /// # fn demo(
+    /// #     device: &wgpu::Device,
+    /// #     pass: &VisibilityClampGpu,
+    /// #     words: ImageRef<'_>,
+    /// #     histories: ImageRef<'_>,
+    /// #     results: ImageRef<'_>,
+    /// #     encoder: &mut wgpu::CommandEncoder,
+    /// # ) -> Result<(), raytwin::pass::image::PassError> {
+    /// let images = VisibilityClampImages { words, histories, results };
+    /// pass.bind(device, 0.5, images)?.encode(encoder);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
     /// If an image is of the wrong kind.
