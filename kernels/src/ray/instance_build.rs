@@ -15,6 +15,20 @@ use super::bvh_build::{BVH_COORDINATE_MAX, BuildQuality, Bvh, Shape, join};
 pub const INSTANCE_PAD: f64 = 1.0 / 131_072.0;
 
 /// A mesh and where it is.
+///
+/// ```
+/// use glam::{Affine3A, Vec3};
+///
+/// use raytwin::ray::instance_build::Placement;
+///
+/// let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+/// let place = Placement { to_scene, mesh: 0, mask: 1 };
+/// // Five along x, for rays with bit 1.
+/// assert_eq!(
+///     place.to_scene.transform_point3(Vec3::X),
+///     Vec3::new(6.0, 0.0, 0.0)
+/// );
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// From the mesh to the scene.
@@ -26,6 +40,22 @@ pub struct Placement {
 }
 
 /// Why a scene of instances cannot be built or moved.
+///
+/// ```
+/// use glam::{Affine3A, Vec3};
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// use raytwin::ray::instance_build::{InstanceError, Instances, Placement};
+///
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+/// // A map that flattens has no inverse; the error says whose it is.
+/// let to_scene = Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0));
+/// let place = Placement { to_scene, mesh: 0, mask: 1 };
+/// let error = Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium);
+/// assert_eq!(error.unwrap_err(), InstanceError::Map { instance: 0 });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InstanceError {
     /// A mesh that is not there.
@@ -67,6 +97,26 @@ pub enum InstanceError {
 }
 
 /// What [`Instances::validate`] finds wrong.
+///
+/// ```
+/// use glam::{Affine3A, Vec3};
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// use raytwin::ray::instance_build::{InstanceFault, Instances, Placement};
+///
+/// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+/// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+/// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+/// # let scene =
+/// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+/// match scene.validate() {
+///     Ok(()) => println!("sound"),
+///     Err(InstanceFault::Tree(fault)) => println!("the tree's shape: {fault}"),
+///     Err(fault) => println!("{fault}"),
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InstanceFault {
     /// In the tree of instances; nodes are counted from its root.
@@ -101,6 +151,31 @@ pub enum InstanceFault {
 }
 
 /// A scene of placed meshes.
+///
+/// ```
+/// use glam::{Affine3A, Vec3};
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// use raytwin::ray::instance::instance_closest;
+/// use raytwin::ray::instance_build::{Instances, Placement};
+/// use raytwin::ray::ray::Ray;
+///
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+/// let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+/// let place = Placement { to_scene, mesh: 0, mask: 1 };
+/// let scene =
+///     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+/// let ray = Ray {
+///     origin: Vec3::new(5.25, 0.5, 2.0),
+///     direction: Vec3::NEG_Z,
+///     t_min: 0.0,
+///     t_max: 9.0,
+/// };
+/// let hit = instance_closest(&scene.view(), ray, u32::MAX);
+/// assert_eq!((hit.instance, hit.primitive, hit.t), (0, 0, 2.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Instances {
     nodes: Vec<BvhNode>,
@@ -136,6 +211,25 @@ fn forward(instance: &Instance) -> (DMat3, DVec3) {
 /// of it, the direction by `3u` (its length up to the hit is within A), the slab
 /// test by `4u` in both spaces and its factor by `2^-18`, with `u = 2^-24`: together
 /// less than [`INSTANCE_PAD`] A. Boxes grow by `|M|` times that.
+///
+/// ```
+/// use glam::{Affine3A, Vec3};
+///
+/// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+/// use raytwin::ray::instance_build::{Instances, Placement, instance_box};
+///
+/// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+/// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+/// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+/// # let scene =
+/// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+/// // Somewhat larger than the mesh's box in its place.
+/// let instance = &scene.view().instances[0];
+/// let (min, max) = instance_box(instance, Vec3::ZERO, Vec3::ONE, 100.0);
+/// assert!(min.x < 5.0 && min.x > 4.9 && max.x > 6.0 && max.x < 6.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[must_use]
 pub fn instance_box(instance: &Instance, low: Vec3, high: Vec3, reach: f32) -> (Vec3, Vec3) {
     let (matrix, shift) = forward(instance);
@@ -215,6 +309,31 @@ impl Instances {
     /// `reach` is the largest coordinate that a ray's origin has. The boxes of
     /// instances grow by about 2^-17 of it; a ray that starts farther away may
     /// lose what is close to the rim of such a box, and nothing else.
+    ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    ///
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// let scene =
+    ///     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// // Two of the same mesh, the second at the scene's origin.
+    /// let origin = Placement { to_scene: Affine3A::IDENTITY, ..place };
+    /// let two = Instances::build(
+    ///     &[&mesh],
+    ///     &[place, origin],
+    ///     100.0,
+    ///     BuildQuality::Medium,
+    /// )?;
+    /// assert_eq!(two.view().instances.len(), 2);
+    /// assert_eq!(scene.view().instances.len(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// An instance of no mesh, a map without an inverse or beyond the range of
@@ -296,6 +415,33 @@ impl Instances {
     /// stays. The hits are those of a tree built anew; the farther the
     /// instances move from each other, the longer they take.
     ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance::instance_any;
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    /// use raytwin::ray::ray::Ray;
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let mut scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(5.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // It moves on, out of the ray's way.
+    /// let to_scene = Affine3A::from_translation(Vec3::new(7.0, 0.0, 0.0));
+    /// scene.refit(&[Placement { to_scene, ..place }])?;
+    /// assert_eq!(instance_any(&scene.view(), ray, u32::MAX), 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// As [`Self::build`], and if the number of instances or the mesh of one
     /// is not what was built. Then nothing is changed.
@@ -354,6 +500,22 @@ impl Instances {
     /// leaf, and that each names a mesh that is there. The meshes' own trees
     /// are checked by [`Bvh::validate`].
     ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// assert_eq!(scene.validate(), Ok(()));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// The first fault found.
     pub fn validate(&self) -> Result<(), InstanceFault> {
@@ -395,6 +557,32 @@ impl Instances {
 
     /// What [`instance_closest`](raytwin_cpu::ray::instance::instance_closest)
     /// walks.
+    ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance::instance_any;
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    /// use raytwin::ray::ray::Ray;
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(5.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// assert_eq!(instance_any(&scene.view(), ray, 1), 1);
+    /// // The instance is not there for rays without its bit.
+    /// assert_eq!(instance_any(&scene.view(), ray, 2), 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn view(&self) -> InstanceView<'_> {
         InstanceView {
@@ -410,6 +598,32 @@ impl Instances {
     /// The same scene over trees with eight children a node. `meshes` are
     /// those that [`Self::build`] was given.
     ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance::instance_closest;
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    /// use raytwin::ray::ray::Ray;
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(5.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// // The same hit.
+    /// let wide = scene.wide(&[&mesh])?;
+    /// assert_eq!(wide.closest(&ray, 1), instance_closest(&scene.view(), ray, 1));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// The first fault found in a tree; none for the meshes of the build.
     pub fn wide(&self, meshes: &[&Bvh]) -> Result<Instances8, Bvh8Fault> {
@@ -419,6 +633,33 @@ impl Instances {
 
     /// Carries a refit over to the scene that [`Self::wide`] has made.
     ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    /// use raytwin::ray::ray::Ray;
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let mut scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(5.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// let mut wide = scene.wide(&[&mesh])?;
+    /// let to_scene = Affine3A::from_translation(Vec3::new(7.0, 0.0, 0.0));
+    /// scene.refit(&[Placement { to_scene, ..place }])?;
+    /// scene.refit_wide(&mut wide)?;
+    /// assert!(!wide.any(&ray, 1));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If that scene has another number of instances or other meshes.
     pub fn refit_wide(&self, wide: &mut Instances8) -> Result<(), Bvh8Fault> {
@@ -426,12 +667,46 @@ impl Instances {
     }
 
     /// The root of the tree of instances, the first argument of the WGSL twin.
+    ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// // The trees of the meshes come first: here one node.
+    /// assert_eq!(scene.top(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn top(&self) -> u32 {
         self.top
     }
 
     /// All trees for `ray/bvh.bindings`.
+    ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// // The mesh's node and that of the tree of instances.
+    /// assert_eq!(scene.trees().node_words().len(), 2 * 8);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn trees(&self) -> Bvh {
         Bvh {
@@ -442,6 +717,25 @@ impl Instances {
 
     /// The instances for `ray/instance.bindings`: sixteen words each. No
     /// instances give one that no ray sees.
+    ///
+    /// ```
+    /// use glam::{Affine3A, Vec3};
+    ///
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::instance_build::{Instances, Placement};
+    ///
+    /// # let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// # let mesh = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// # let to_scene = Affine3A::from_translation(Vec3::new(5.0, 0.0, 0.0));
+    /// # let place = Placement { to_scene, mesh: 0, mask: 1 };
+    /// # let scene =
+    /// #     Instances::build(&[&mesh], &[place], 100.0, BuildQuality::Medium)?;
+    /// let words = scene.instance_words();
+    /// assert_eq!(words.len(), 16);
+    /// // The translation back ends the first row.
+    /// assert_eq!(f32::from_bits(words[3]), -5.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn instance_words(&self) -> Vec<u32> {
         if self.instances.is_empty() {
