@@ -4,3 +4,4 @@ pub mod reflections;
 pub mod report;
 pub mod sequence;
 pub mod stages;
+pub mod surfels;

@@ -148,6 +148,7 @@ fn the_documentation_names_every_field() {
     report.estimators.push(Default::default());
     report.estimator_points.push(Default::default());
     report.estimator_costs.push(Default::default());
+    report.surfels.push(Default::default());
     report.pictures.push(Default::default());
     report.plots.push(Default::default());
     fn walk(value: &Value, text: &str) {

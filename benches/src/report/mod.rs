@@ -44,7 +44,7 @@ use output::Output;
 use progress::Progress;
 use schema::{
     BallRow, ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, ReflectionRow, Report,
-    SequenceRow, Settings, SlopeRow, StageRow,
+    SequenceRow, Settings, SlopeRow, StageRow, SurfelRow,
 };
 use traversal::Traversal;
 
@@ -133,6 +133,9 @@ const MATERIALS: &str = "materials";
 /// Estimators over time.
 const ESTIMATOR: &str = "estimator";
 
+/// Surfels beside path-traced references.
+pub(crate) const SURFELS: &str = "surfels";
+
 /// Entries of a scene that need it loaded.
 fn scene_entries(scene: &str) -> Vec<String> {
     let stages = stages::Stage::ALL.map(stages::Stage::name);
@@ -187,6 +190,7 @@ impl<'a> Run<'a> {
         }
         names.push(MATERIALS.into());
         names.push(ESTIMATOR.into());
+        names.push(SURFELS.into());
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
         names.push("bvh/families".into());
         let only = Only::new(options.only.as_deref(), &names)?;
@@ -293,7 +297,8 @@ impl<'a> Run<'a> {
         self.measure_bvh()?;
         self.measure_materials()?;
         self.measure_estimator()?;
-        let pictures = self.measure_stages()?;
+        let mut pictures = self.measure_stages()?;
+        pictures.extend(self.measure_surfels()?);
         let plots = plots::all(&self.report)?;
         let Self {
             mut report,
@@ -505,6 +510,43 @@ impl<'a> Run<'a> {
             let rows = run.results.into_iter().map(|r| sequence_row(r, of_size));
             self.report.sequences.extend(rows);
             shown.extend(run.pictures.into_iter().map(|p| show_sequence(p, size)));
+        }
+        Ok(shown)
+    }
+
+    fn measure_surfels(&mut self) -> Result<Vec<Shown>, ReportError> {
+        use crate::surfels::{Room, SurfelReportSettings, measure};
+        let mut shown = Vec::new();
+        if self.options.gpu_only || !self.only.takes(SURFELS) {
+            return Ok(shown);
+        }
+        let full = self.options.full;
+        let settings = if full {
+            SurfelReportSettings::full()
+        } else {
+            SurfelReportSettings::quick()
+        };
+        self.progress.part("surfels", 1);
+        let progress = self.progress;
+        let mut all = vec![measure(Room::cornell, &settings, |what| {
+            progress.step(&format!("Cornell: {what}"));
+        })?];
+        // The quick report has no time for its references.
+        if full {
+            let kitchen = Scene::kitchen()?;
+            all.push(measure(
+                || Room::kitchen(&kitchen),
+                &settings,
+                |what| progress.step(&format!("kitchen: {what}")),
+            )?);
+        }
+        for results in all {
+            self.report
+                .surfels
+                .extend(results.errors.into_iter().map(surfel_row));
+            for picture in results.pictures {
+                shown.push(show_surfels(picture)?);
+            }
         }
         Ok(shown)
     }
@@ -752,6 +794,37 @@ fn show_sequence(picture: sequence::SequencePicture, [width, height]: [u32; 2]) 
             caption: picture.caption,
         },
     }
+}
+
+fn surfel_row(e: crate::surfels::SurfelError) -> SurfelRow {
+    SurfelRow {
+        scene: e.scene,
+        event: e.event.into(),
+        slots: e.budget,
+        frame: e.frame,
+        alive: e.alive,
+        rmse: e.rmse,
+        direct_rmse: e.direct_rmse,
+        flip: e.flip,
+        mean: e.mean,
+        ms: e.ms,
+    }
+}
+
+fn show_surfels(picture: crate::surfels::SurfelPicture) -> Result<Shown, ReportError> {
+    let id = stages::slug(&[&picture.scene, SURFELS, &picture.name]);
+    Ok(Shown {
+        png: picture.png()?,
+        row: PictureRow {
+            file: format!("pictures/{id}.png"),
+            scene: picture.scene,
+            stage: Some(SURFELS.into()),
+            variant: picture.name,
+            backend: "cpu".into(),
+            difference: false,
+            caption: picture.caption,
+        },
+    })
 }
 
 fn add_convergence(report: &mut Report, scene: &str, data: stages::Convergence) {

@@ -54,6 +54,11 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
     let (material, rest): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_material);
     let is_estimator = |p: &&Drawn| p.row.title.starts_with(super::plots::ESTIMATOR);
     let (estimator, lines): (Vec<&Drawn>, Vec<&Drawn>) = rest.into_iter().partition(is_estimator);
+    let is_surfels = |p: &&Drawn| p.row.title.starts_with(super::plots::SURFELS);
+    let (surfels, lines): (Vec<&Drawn>, Vec<&Drawn>) = lines.into_iter().partition(is_surfels);
+    let of_surfels = |p: &&Shown| p.row.stage.as_deref() == Some(super::SURFELS);
+    let (surfel_pictures, pictures): (Vec<&Shown>, Vec<&Shown>) =
+        pictures.iter().partition(of_surfels);
     let with_estimators = !report.estimator_costs.is_empty();
     let with_materials =
         !material.is_empty() || !report.goals.is_empty() || !report.sequences.is_empty();
@@ -80,6 +85,7 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                     @if !report.families.is_empty() { a href="#hard" { "Hard rays" } }
                     @if with_materials { a href="#materials" { "Materials and filters" } }
                     @if with_estimators { a href="#estimators" { "Estimators" } }
+                    @if !report.surfels.is_empty() { a href="#surfels" { "Surfels" } }
                     @if !pictures.is_empty() { a href="#pictures" { "Pictures" } }
                     @if !lines.is_empty() { a href="#convergence" { "Convergence" } }
                     a href="#settings" { "Settings" }
@@ -91,7 +97,8 @@ pub(super) fn page(report: &Report, pictures: &[Shown], plots: &[Drawn]) -> Stri
                 @if !report.families.is_empty() { (hard(report)) }
                 @if with_materials { (materials(report, &material)) }
                 @if with_estimators { (estimators(report, &estimator)) }
-                @if !pictures.is_empty() { (pictures_section(report, pictures)) }
+                @if !report.surfels.is_empty() { (surfel_section(report, &surfels, &surfel_pictures)) }
+                @if !pictures.is_empty() { (pictures_section(report, &pictures)) }
                 @if !lines.is_empty() { (convergence(report, &lines)) }
                 (settings(report))
             }
@@ -705,6 +712,47 @@ fn estimators(report: &Report, plots: &[&Drawn]) -> Markup {
     }
 }
 
+fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Markup {
+    let mut scenes: Vec<&str> = Vec::new();
+    for row in &report.surfels {
+        if !scenes.contains(&row.scene.as_str()) {
+            scenes.push(&row.scene);
+        }
+    }
+    html! {
+        h2 #surfels { "Surfels" }
+        p {
+            "Light straight from the lamp is traced, light that bounces comes from surfels: a ray a surfel and frame once it is old. "
+            "References are path traced at the same pixels; everything is diffuse. "
+            "A slot is room for a surfel; its radius is what lets a full pool cover the scene. Times are of the CPU with all threads, rays too, while the pool still grows. "
+            "Surfaces that no pixel has seen have no surfels, so what they would reflect is missing: the picture stays too dark, and more so while the camera flies. "
+            "After a change of the lamp the old light takes some 40 frames to fall by half, as each bounce waits for the one before."
+        }
+        @for scene in scenes {
+            h3 { (scene) }
+            div.pictures { @for p in pictures.iter().filter(|p| p.row.scene == scene) { (figure(report, p)) } }
+            div.plots { @for plot in plots.iter().filter(|p| p.row.title.contains(scene)) { figure { (PreEscaped(&plot.svg)) } } }
+            div.scroll { table {
+                thead { tr {
+                    th.left { "Event" } th { "Slots" } th { "Frame" } th { "Surfels" } th { "RMSE" } th { "without bounces" }
+                    th { "FLIP" } th { "Mean over the true one" } th { "ms" }
+                } }
+                tbody { @for r in report.surfels.iter().filter(|r| r.scene == scene) { tr {
+                    td.left { (r.event) }
+                    td { (grouped(r.slots as usize)) }
+                    td { (r.frame) }
+                    td { (grouped(r.alive as usize)) }
+                    td { (number(r.rmse)) }
+                    td { (number(r.direct_rmse)) }
+                    td { (number(r.flip)) }
+                    td { (number(r.mean)) }
+                    td { (number(r.ms)) }
+                } } }
+            } }
+        }
+    }
+}
+
 fn sequence_table(name: &str, rows: &[&SequenceRow]) -> Markup {
     let reference = rows.first().map_or(0.0, |r| r.reference_rmse);
     let adapters: Vec<&String> = rows
@@ -849,7 +897,7 @@ fn stage_title(stage: &str) -> String {
         .map_or_else(|| stage.to_owned(), |s| s.title().to_owned())
 }
 
-fn pictures_section(report: &Report, pictures: &[Shown]) -> Markup {
+fn pictures_section(report: &Report, pictures: &[&Shown]) -> Markup {
     let mut scenes: Vec<&str> = Vec::new();
     for p in pictures {
         if !scenes.contains(&p.row.scene.as_str()) {
@@ -865,7 +913,7 @@ fn pictures_section(report: &Report, pictures: &[Shown]) -> Markup {
             "The random integers and the order of operations are the same, so a difference is a driver's float algebra at an edge, and nothing else."
         }
         @for scene in scenes {
-            @let of_scene: Vec<&Shown> = pictures.iter().filter(|p| p.row.scene == scene).collect();
+            @let of_scene: Vec<&Shown> = pictures.iter().copied().filter(|p| p.row.scene == scene).collect();
             h3 { (scene) }
             @for p in of_scene.iter().filter(|p| p.row.stage.is_none()) { div.hero { (figure(report, p)) } }
             @if report.stages.iter().any(|r| r.scene == scene) { (stage_table(report, scene)) }

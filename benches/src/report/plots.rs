@@ -3,7 +3,7 @@
 use super::error::ReportError;
 use super::plot::{Plot, Series, Ticks};
 use super::schema::{
-    BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report, SequenceRow,
+    BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report, SequenceRow, SurfelRow,
 };
 use super::{Drawn, page};
 
@@ -45,7 +45,11 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
             out.push(drawn(file, &plot)?);
         }
     }
-    for plot in materials(report).into_iter().chain(estimators(report)) {
+    for plot in materials(report)
+        .into_iter()
+        .chain(estimators(report))
+        .chain(surfels(report))
+    {
         out.push(drawn(format!("plots/{}.svg", slug(&plot.title)), &plot)?);
     }
     Ok(out)
@@ -54,6 +58,9 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
 /// Plots whose title begins with this belong to the materials.
 pub(super) const MATERIALS: [&str; 5] =
     ["Samplers", "Layers", "Reconstruction", "Worth", "Over time"];
+
+/// Plots whose title begins with this belong to the surfels.
+pub(super) const SURFELS: &str = "Surfels";
 
 /// Plots whose title begins with this belong to the estimators.
 pub(super) const ESTIMATOR: &str = "Estimators";
@@ -132,6 +139,83 @@ fn materials(report: &Report) -> Vec<Plot> {
         if rows.iter().any(|r| r.by_frame.len() > 2) {
             out.push(by_frame(&name, &rows));
         }
+    }
+    out
+}
+
+/// Error by frame for each event, by both measures; light that is left; error
+/// against milliseconds.
+fn surfels(report: &Report) -> Vec<Plot> {
+    type Value = fn(&SurfelRow) -> f64;
+    let rows = &report.surfels;
+    let mut out = Vec::new();
+    for scene in distinct(rows, |r| r.scene.clone()) {
+        for event in distinct(rows, |r| r.event.clone()) {
+            let of: Vec<&SurfelRow> = rows
+                .iter()
+                .filter(|r| r.scene == scene && r.event == event)
+                .collect();
+            let slots = distinct(&of, |r| r.slots);
+            let dark = event.ends_with("out");
+            let values: &[(&str, Value)] = if dark {
+                &[("light left over that before", |r| r.mean)]
+            } else {
+                &[("RMSE", |r| r.rmse), ("FLIP", |r| r.flip)]
+            };
+            for (name, value) in values {
+                let line = |slots: u32| -> Vec<(f64, f64)> {
+                    let of = of.iter().filter(|r| r.slots == slots);
+                    of.map(|r| (f64::from(r.frame), value(r).max(1e-6)))
+                        .collect()
+                };
+                let mut lines: Vec<Series> = slots
+                    .iter()
+                    .enumerate()
+                    .map(|(k, s)| series(format!("{s} slots"), k, line(*s)))
+                    .collect();
+                if *name == "RMSE" {
+                    let first = slots.first().copied().unwrap_or_default();
+                    let of = of.iter().filter(|r| r.slots == first);
+                    let points = of.map(|r| (f64::from(r.frame), r.direct_rmse)).collect();
+                    lines.push(series("no light that bounces".into(), 5, points));
+                }
+                out.push(Plot {
+                    title: format!("{SURFELS}: {scene}, {event}, {name}"),
+                    x_label: "frames".into(),
+                    y_label: (*name).into(),
+                    x_ticks: Ticks::Fours,
+                    series: lines,
+                    guide: None,
+                });
+            }
+        }
+        let cut: Vec<&SurfelRow> = rows
+            .iter()
+            .filter(|r| r.scene == scene && r.event == "after a cut")
+            .collect();
+        let slots = distinct(&cut, |r| r.slots);
+        let lines = slots.iter().enumerate().map(|(k, s)| {
+            let of: Vec<_> = cut
+                .iter()
+                .filter(|r| r.slots == *s && r.frame >= 4)
+                .collect();
+            Series {
+                labels: of.iter().map(|r| r.frame.to_string()).collect(),
+                ..series(
+                    format!("{s} slots"),
+                    k,
+                    of.iter().map(|r| (r.ms, r.rmse)).collect(),
+                )
+            }
+        });
+        out.push(Plot {
+            title: format!("{SURFELS}: {scene}, error against time, frames beside the points"),
+            x_label: "ms a frame".into(),
+            y_label: "RMSE".into(),
+            x_ticks: Ticks::Decimal,
+            series: lines.collect(),
+            guide: None,
+        });
     }
     out
 }

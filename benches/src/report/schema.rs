@@ -75,6 +75,10 @@ pub struct Report {
     /// The same: nanoseconds and bytes.
     #[serde(default)]
     pub estimator_costs: Vec<EstimatorCostRow>,
+    /// Surfels beside path-traced references: one row a scene, number of slots,
+    /// event and frame.
+    #[serde(default)]
+    pub surfels: Vec<SurfelRow>,
     /// Pictures beside the page.
     pub pictures: Vec<PictureRow>,
     /// Plots beside the page.
@@ -543,6 +547,32 @@ pub struct EstimatorCostRow {
     /// Difference of the packed state's answers from the whole one's, root
     /// mean square, over the signal.
     pub packed_error: Option<f64>,
+}
+
+/// How far a picture with surfels is from its reference, at a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SurfelRow {
+    /// `Cornell` or `kitchen`.
+    pub scene: String,
+    /// What happened.
+    pub event: String,
+    /// Slots of the pool.
+    pub slots: u32,
+    /// Frames since, from 1.
+    pub frame: u32,
+    /// Surfels in the pool.
+    pub alive: u32,
+    /// Root mean squared error.
+    pub rmse: f64,
+    /// The same without light that bounces.
+    pub direct_rmse: f64,
+    /// Mean FLIP.
+    pub flip: f64,
+    /// Mean of the picture over that of the reference; after the lamp went out,
+    /// the light that is left over that before.
+    pub mean: f64,
+    /// Milliseconds of the frame, its rays too.
+    pub ms: f64,
 }
 
 /// Millions of rays a second.

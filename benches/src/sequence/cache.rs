@@ -12,7 +12,7 @@ const MAGIC: &[u8; 8] = b"raytwref";
 
 /// FNV-1a, which is the same on every machine and compiler.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fingerprint(u64);
+pub(crate) struct Fingerprint(u64);
 
 impl Fingerprint {
     pub fn new() -> Self {
@@ -38,7 +38,7 @@ impl Fingerprint {
 }
 
 /// The folder of the references: beside what cargo builds.
-pub(super) fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../target"),
         PathBuf::from,
@@ -51,7 +51,7 @@ fn file(folder: &Path, key: Fingerprint) -> PathBuf {
 }
 
 /// The numbers that were kept under this key, if there are `count`.
-pub(super) fn load(folder: &Path, key: Fingerprint, count: usize) -> Option<Vec<f32>> {
+pub(crate) fn load(folder: &Path, key: Fingerprint, count: usize) -> Option<Vec<f32>> {
     let bytes = std::fs::read(file(folder, key)).ok()?;
     let (head, rest) = bytes.split_at_checked(16)?;
     let (magic, sum) = head.split_at(8);
@@ -66,7 +66,7 @@ pub(super) fn load(folder: &Path, key: Fingerprint, count: usize) -> Option<Vec<
 }
 
 /// Keeps numbers under a key.
-pub(super) fn store(folder: &Path, key: Fingerprint, values: &[f32]) -> std::io::Result<()> {
+pub(crate) fn store(folder: &Path, key: Fingerprint, values: &[f32]) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let rest: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     // Whole or not at all, also if two reports run at once.

@@ -7,7 +7,7 @@ use crate::stages::srgb8;
 
 /// Mean squared error of a channel, and that over the reference's square plus
 /// 0.01, over the chosen pixels.
-pub(super) fn errors(image: &[Vec3], reference: &[Vec3], chosen: &[bool]) -> (f64, f64) {
+pub(crate) fn errors(image: &[Vec3], reference: &[Vec3], chosen: &[bool]) -> (f64, f64) {
     let (mut squared, mut relative, mut count) = (0.0, 0.0, 0.0);
     for i in (0..image.len()).filter(|i| chosen[*i]) {
         for (x, r) in image[i].to_array().into_iter().zip(reference[i].to_array()) {
@@ -23,7 +23,7 @@ pub(super) fn errors(image: &[Vec3], reference: &[Vec3], chosen: &[bool]) -> (f6
 
 /// Mean change of the error from one frame to the next, over the chosen pixels:
 /// what flickers is not in the references.
-pub(super) fn flicker(
+pub(crate) fn flicker(
     [before, after]: [&[Vec3]; 2],
     references: [&[Vec3]; 2],
     chosen: &[bool],
@@ -39,7 +39,7 @@ pub(super) fn flicker(
 
 /// How much of the picture before a jump is left in one after it: 1 all, 0
 /// nothing. The noise of single pixels averages out.
-pub(super) fn ghost(image: &[Vec3], before: &[Vec3], after: &[Vec3]) -> f64 {
+pub(crate) fn ghost(image: &[Vec3], before: &[Vec3], after: &[Vec3]) -> f64 {
     let (mut left, mut all) = (0.0, 0.0);
     for ((x, b), a) in image.iter().zip(before).zip(after) {
         let change = (*b - *a).as_dvec3();
@@ -58,7 +58,7 @@ fn bytes(values: &[Vec3]) -> Vec<u8> {
 
 /// Structural similarity of the brightness as the library has it; `NaN` if it
 /// has none, as for a picture of a few pixels.
-pub(super) fn similarity(size: UVec2, image: &[Vec3], reference: &[Vec3]) -> f64 {
+pub(crate) fn similarity(size: UVec2, image: &[Vec3], reference: &[Vec3]) -> f64 {
     use image_compare::{Algorithm, gray_similarity_structure};
     let grey = |values: &[Vec3]| {
         GrayImage::from_fn(size.x, size.y, |x, y| {
@@ -72,7 +72,7 @@ pub(super) fn similarity(size: UVec2, image: &[Vec3], reference: &[Vec3]) -> f64
 
 /// FLIP by NVIDIA's library, for a monitor of its default density: the mean,
 /// and the map as 8-bit RGB in its colours.
-pub(super) fn flip(size: UVec2, image: &[Vec3], reference: &[Vec3]) -> (f64, Vec<u8>) {
+pub(crate) fn flip(size: UVec2, image: &[Vec3], reference: &[Vec3]) -> (f64, Vec<u8>) {
     let take = |v: &[Vec3]| nv_flip::FlipImageRgb8::with_data(size.x, size.y, &bytes(v));
     let map = nv_flip::flip(
         take(reference),

@@ -10,10 +10,10 @@
 //! [`measure`] renders a sequence and gives a row for each variant, with
 //! pictures; references are kept between runs.
 
-mod cache;
+pub(crate) mod cache;
 mod denoise;
 mod film;
-mod metrics;
+pub(crate) mod metrics;
 mod path;
 mod show;
 #[cfg(test)]

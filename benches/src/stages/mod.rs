@@ -94,6 +94,9 @@ pub enum StageError {
     /// The mesh has no tree.
     #[error(transparent)]
     Bvh(#[from] BvhError),
+    /// The tree has no form for vector instructions.
+    #[error(transparent)]
+    Wide(#[from] raytwin_cpu::pass::bvh8::Bvh8Fault),
     /// A module of the GPU program is not registered.
     #[error(transparent)]
     Link(#[from] raytwin_wgsl::LinkError),
