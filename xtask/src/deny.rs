@@ -13,7 +13,7 @@ const VERSION: &str = "0.20.2";
 /// # Errors
 /// If cargo-deny cannot be installed, or finds something.
 pub fn check(root: &Path, environment: &Environment, tests: &mut Tests) -> Result<(), Failure> {
-    let program = ensure(root, environment)?;
+    let program = ensure(root, environment, "cargo-deny", VERSION)?;
     let call = |what: &[&str]| {
         println!("$ cargo deny check {}", what.join(" "));
         let mut command = Command::new(&program);
@@ -39,32 +39,28 @@ pub fn check(root: &Path, environment: &Environment, tests: &mut Tests) -> Resul
     Ok(())
 }
 
-/// The program: on the path, else installed below `target/`.
-fn ensure(root: &Path, environment: &Environment) -> Result<PathBuf, Failure> {
-    if on_path("cargo-deny") {
-        return Ok("cargo-deny".into());
+/// A program of cargo's: on the path, else built below `target/`.
+///
+/// # Errors
+/// If it does not build.
+pub fn ensure(
+    root: &Path,
+    environment: &Environment,
+    name: &'static str,
+    version: &str,
+) -> Result<PathBuf, Failure> {
+    if on_path(name) {
+        return Ok(name.into());
     }
     let tools = root.join("target").join("tools");
-    let program = tools
-        .join("bin")
-        .join(format!("cargo-deny{}", std::env::consts::EXE_SUFFIX));
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let program = tools.join("bin").join(file);
     if !program.is_file() {
-        println!("cargo-deny is missing, which checks licences; cargo builds it (2 to 4 minutes)");
+        println!("{name} is missing; cargo builds it (a few minutes)");
         let folder = tools.display().to_string();
-        environment.cargo(
-            "install cargo-deny",
-            &[
-                "install",
-                "cargo-deny",
-                "--locked",
-                "--quiet",
-                "--version",
-                VERSION,
-                "--root",
-                &folder,
-            ],
-            &[],
-        )?;
+        let what = ["install", name, "--locked", "--quiet"];
+        let which = ["--version", version, "--root", &folder];
+        environment.cargo(name, &[what, which].concat(), &[])?;
     }
     Ok(program)
 }

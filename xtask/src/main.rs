@@ -6,6 +6,7 @@ mod embree;
 mod gallery;
 mod packages;
 mod run;
+mod semver;
 mod vulkan;
 mod web;
 
@@ -204,6 +205,7 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
         &mut tests,
     )?;
     deny::check(root, &environment, &mut tests)?;
+    semver::check(root, &environment, &mut tests)?;
     packagings(&environment, &mut tests)?;
     web::test(root, &environment, &mut tests)?;
     gallery::test(root, &environment, &mut tests)?;
