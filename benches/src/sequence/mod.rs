@@ -51,7 +51,7 @@ pub struct SequenceSettings {
 }
 
 impl SequenceSettings {
-    /// For a report within a minute and a half on two cores.
+    /// For a report within two and a half minutes on two cores.
     #[must_use]
     pub fn quick() -> Self {
         Self {
