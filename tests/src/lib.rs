@@ -80,4 +80,5 @@ pub struct Readme;
 #[doc = include_str!("../../docs/temporal/taa.md")]
 #[doc = include_str!("../../docs/temporal/variance_clamp.md")]
 #[doc = include_str!("../../docs/temporal/visibility_clamp.md")]
+#[doc = include_str!("../../docs/web.md")]
 pub struct Pages;
