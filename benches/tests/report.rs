@@ -141,6 +141,8 @@ fn the_documentation_names_every_field() {
     report.stages.push(Default::default());
     report.bvh.push(Default::default());
     report.families.push(Default::default());
+    report.builds.push(Default::default());
+    report.growth.push(Default::default());
     report.convergence.push(Default::default());
     report.slopes.push(Default::default());
     report.references.push(Default::default());

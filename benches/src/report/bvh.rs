@@ -3,6 +3,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
+use embree4_sys::RTCBuildQuality;
 use glam::{Vec2, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
@@ -26,7 +27,7 @@ use raytwin_tests::scene::{Mesh, Scene};
 
 use super::error::ReportError;
 use super::kernels::median;
-use super::schema::{BvhRow, FamilyRow, Rates};
+use super::schema::{BuildRow, BvhRow, FamilyRow, GrowthRow, Rates};
 use super::traversal::{Traversal, TraversalMesh};
 
 /// How much to measure.
@@ -40,6 +41,10 @@ pub struct BvhSettings {
     pub checked: usize,
     /// Rays of each hard family.
     pub family_rays: usize,
+    /// Rays of each mesh that are aimed at its edges and vertices.
+    pub aimed: usize,
+    /// Triangles of the largest sphere whose rays' cost is measured.
+    pub largest: usize,
 }
 
 impl BvhSettings {
@@ -51,6 +56,8 @@ impl BvhSettings {
             rounds: 3,
             checked: 1 << 12,
             family_rays: 1_000,
+            aimed: 1 << 12,
+            largest: 1 << 18,
         }
     }
 
@@ -62,6 +69,8 @@ impl BvhSettings {
             rounds: 9,
             checked: 1 << 18,
             family_rays: 50_000,
+            aimed: 1 << 16,
+            largest: 1 << 22,
         }
     }
 }
@@ -406,6 +415,42 @@ fn camera(scene: &Scene, width: usize, height: usize) -> Camera {
     }
 }
 
+/// How fast each engine is, in turn so that all see the same machine.
+fn rates(engines: &[Engine<'_>], sets: &RaySets, rounds: usize) -> Vec<Rates> {
+    let mut times = vec![[const { Vec::new() }; 4]; engines.len()];
+    for round in 0..=rounds {
+        for (engine, times) in engines.iter().zip(&mut times) {
+            for ((rays, any), times) in sets.all().into_iter().zip(times) {
+                let (seconds, _) = engine.time(rays, any);
+                // The first round warms up.
+                if round > 0 {
+                    times.push(seconds);
+                }
+            }
+        }
+    }
+    times
+        .iter_mut()
+        .map(|times| {
+            let mut rate = |k: usize| {
+                let rays = sets.all()[k].0.len() as f64;
+                let seconds = median(&mut times[k]);
+                if rays > 0.0 && seconds > 0.0 {
+                    rays / seconds * 1e-6
+                } else {
+                    0.0
+                }
+            };
+            Rates {
+                primary: rate(0),
+                shadow: rate(1),
+                diffuse: rate(2),
+                ao: rate(3),
+            }
+        })
+        .collect()
+}
+
 /// Measures every engine on one mesh.
 ///
 /// # Errors
@@ -428,39 +473,7 @@ pub(super) fn measure(
         build_ms,
     )?;
     let sets = RaySets::new(scene, &bvh, settings.rays);
-
-    let mut times = vec![[const { Vec::new() }; 4]; engines.len()];
-    for round in 0..=settings.rounds {
-        for (engine, times) in engines.iter().zip(&mut times) {
-            for ((rays, any), times) in sets.all().into_iter().zip(times) {
-                let (seconds, _) = engine.time(rays, any);
-                // The first round warms up.
-                if round > 0 {
-                    times.push(seconds);
-                }
-            }
-        }
-    }
-    let rates: Vec<Rates> = times
-        .iter_mut()
-        .map(|times| {
-            let mut rate = |k: usize| {
-                let rays = sets.all()[k].0.len() as f64;
-                let seconds = median(&mut times[k]);
-                if rays > 0.0 && seconds > 0.0 {
-                    rays / seconds * 1e-6
-                } else {
-                    0.0
-                }
-            };
-            Rates {
-                primary: rate(0),
-                shadow: rate(1),
-                diffuse: rate(2),
-                ao: rate(3),
-            }
-        })
-        .collect();
+    let rates = rates(&engines, &sets, settings.rounds);
     let embree = engines
         .iter()
         .position(|e| e.name == EMBREE)
@@ -508,6 +521,190 @@ fn build(name: &str, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<Bvh, Re
         mesh: name.into(),
         source,
     })
+}
+
+/// Name of a build quality.
+fn quality_name(quality: BuildQuality) -> &'static str {
+    match quality {
+        BuildQuality::Fastest => "Fastest",
+        BuildQuality::Fast => "Fast",
+        BuildQuality::Medium => "Medium",
+        BuildQuality::Slow => "Slow",
+        BuildQuality::VerySlow => "VerySlow",
+    }
+}
+
+/// Rays from the eye to vertices and to points on edges: what an ordinary test
+/// of triangles loses.
+fn aimed(scene: &Scene, count: usize) -> Vec<Ray> {
+    let mesh = &scene.mesh;
+    let mut state = 0x0a1e_d001;
+    let place = |t: usize, k: usize| mesh.positions[mesh.indices[t][k % 3] as usize];
+    (0..count)
+        .map(|i| {
+            let t = (unit(&mut state) * mesh.indices.len() as f32) as usize;
+            let t = t.min(mesh.indices.len() - 1);
+            let (a, b) = (place(t, i), place(t, i + 1));
+            let target = match i % 2 {
+                0 => a,
+                _ => a + (b - a) * unit(&mut state),
+            };
+            Ray {
+                origin: scene.camera.eye,
+                direction: target - scene.camera.eye,
+                t_min: 0.0,
+                t_max: f32::MAX,
+            }
+        })
+        .filter(|r| r.direction.length_squared() > 0.0)
+        .collect()
+}
+
+/// What each way to build a tree costs, and what its rays then cost and lose.
+///
+/// # Errors
+/// If the mesh has no tree or Embree refuses it.
+pub(super) fn measure_builds(
+    scene: &Scene,
+    settings: &BvhSettings,
+    embree: bool,
+) -> Result<Vec<BuildRow>, ReportError> {
+    let (positions, indices) = (&scene.mesh.positions, &scene.mesh.indices);
+    let mut engines: Vec<Engine<'_>> = Vec::new();
+    let mut qualities = Vec::new();
+    let mut reference = None;
+    for quality in BuildQuality::ALL {
+        let start = Instant::now();
+        let bvh = Bvh::build(positions, indices, quality).map_err(|source| ReportError::Bvh {
+            mesh: scene.name.clone(),
+            source,
+        })?;
+        let wide = bvh.wide().map_err(|source| ReportError::Wide {
+            mesh: scene.name.clone(),
+            source,
+        })?;
+        engines.push(Engine {
+            name: RAYTWIN_WIDE.into(),
+            build_ms: Some(milliseconds(start)),
+            kind: Kind::Wide(wide),
+        });
+        qualities.push(Some(quality_name(quality).to_owned()));
+        if quality == BuildQuality::Medium {
+            reference = Some(bvh);
+        }
+    }
+    let Some(reference) = reference else {
+        return Ok(Vec::new());
+    };
+    let start = Instant::now();
+    let obvhs = Obvhs::new(positions, indices);
+    engines.push(Engine {
+        name: "obvhs".into(),
+        build_ms: Some(milliseconds(start)),
+        kind: Kind::Obvhs(obvhs),
+    });
+    qualities.push(Some("Medium".into()));
+    if embree {
+        let positions: Vec<_> = positions.iter().map(|p| p.to_array()).collect();
+        for (name, robust, quality) in [
+            (EMBREE, false, RTCBuildQuality::MEDIUM),
+            (EMBREE, false, RTCBuildQuality::HIGH),
+            ("Embree robust", true, RTCBuildQuality::MEDIUM),
+        ] {
+            let options = EmbreeOptions {
+                robust,
+                quality,
+                threads: 1,
+            };
+            let scene = EmbreeScene::new(&positions, indices, options)?;
+            engines.push(Engine {
+                name: name.into(),
+                build_ms: Some(scene.build_time().as_secs_f64() * 1e3),
+                kind: Kind::Embree(scene),
+            });
+            let name = match quality {
+                RTCBuildQuality::HIGH => "High",
+                _ => "Medium",
+            };
+            qualities.push(Some(name.into()));
+        }
+    }
+    let sets = RaySets::new(scene, &reference, settings.rays);
+    let rates = rates(&engines, &sets, settings.rounds);
+    let subject = Subject {
+        name: scene.name.clone(),
+        positions: positions.clone(),
+        indices: indices.clone(),
+        bvh: reference.clone(),
+    };
+    let set = RaySet::new(&subject, aimed(scene, settings.aimed));
+    let rows = engines.iter().zip(rates).zip(qualities);
+    Ok(rows
+        .map(|((engine, mrays), quality)| {
+            let counts = compare(&subject, &set, &Judged(engine));
+            BuildRow {
+                mesh: scene.name.clone(),
+                triangles: indices.len(),
+                engine: engine.name.clone(),
+                quality,
+                build_ms: engine.build_ms.unwrap_or_default(),
+                mrays,
+                mean: mrays.mean(),
+                aimed: set.rays.len(),
+                leaks: counts.leaks,
+                false_hits: counts.false_hits,
+            }
+        })
+        .collect())
+}
+
+/// Triangles of the spheres whose rays' cost is measured.
+pub(super) fn sizes(settings: &BvhSettings) -> impl Iterator<Item = usize> + Clone + use<> {
+    let largest = settings.largest;
+    std::iter::successors(Some(1 << 10), |n| Some(4 * n)).take_while(move |n| *n <= largest)
+}
+
+/// What a ray costs in a sphere.
+///
+/// # Errors
+/// If it has no tree or Embree refuses it.
+pub(super) fn measure_growth(
+    triangles: usize,
+    settings: &BvhSettings,
+    embree: bool,
+) -> Result<Vec<GrowthRow>, ReportError> {
+    let with = Engines {
+        cpu: true,
+        embree,
+        gpu: Vec::new(),
+    };
+    let scene = sphere(triangles);
+    let (positions, indices) = (&scene.mesh.positions, &scene.mesh.indices);
+    let bvh = build(&scene.name, positions, indices)?;
+    let engines = open(&with, &scene.name, positions, indices, &bvh, 0.0)?;
+    let sets = RaySets::new(&scene, &bvh, settings.rays);
+    let rates = rates(&engines, &sets, settings.rounds);
+    let rows = engines.iter().zip(rates).map(|(engine, mrays)| GrowthRow {
+        triangles: indices.len(),
+        engine: engine.name.clone(),
+        ns: 1e3 / mrays.mean(),
+    });
+    Ok(rows.collect())
+}
+
+/// A displaced sphere that fills the picture.
+fn sphere(triangles: usize) -> Scene {
+    let mesh = meshes::displaced_sphere(triangles);
+    let mesh = Mesh {
+        positions: mesh.positions,
+        indices: mesh.indices,
+        skipped: 0,
+    };
+    let mut scene = Scene::seen_whole("sphere".into(), mesh);
+    scene.camera.eye = Vec3::new(0.96, 0.72, 1.6);
+    scene.camera.target = Vec3::ZERO;
+    scene.camera.fov_degrees = 50.0;
+    scene
 }
 
 /// Counts what every engine gets wrong on one hard family.

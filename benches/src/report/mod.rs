@@ -136,6 +136,9 @@ const ESTIMATOR: &str = "estimator";
 /// Surfels beside path-traced references.
 pub(crate) const SURFELS: &str = "surfels";
 
+/// Name of the cost of a ray against the mesh's size.
+const GROWTH: &str = "bvh/growth";
+
 /// Entries of a scene that need it loaded.
 fn scene_entries(scene: &str) -> Vec<String> {
     let stages = stages::Stage::ALL.map(stages::Stage::name);
@@ -193,6 +196,8 @@ impl<'a> Run<'a> {
         names.push(SURFELS.into());
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
         names.push("bvh/families".into());
+        names.extend(mesh_names.iter().map(|mesh| format!("bvh/builds/{mesh}")));
+        names.push(GROWTH.into());
         let only = Only::new(options.only.as_deref(), &names)?;
 
         let output = Output::prepare(&options.out)?;
@@ -219,7 +224,8 @@ impl<'a> Run<'a> {
         }
         let mut meshes = Vec::new();
         for name in mesh_names {
-            if only.takes(&format!("bvh/{name}")) {
+            let builds = only.takes(&format!("bvh/builds/{name}"));
+            if only.takes(&format!("bvh/{name}")) || builds {
                 // The given scene comes first, whatever its name.
                 let is_given = given.is_some() && meshes.is_empty() && name == scene_names[0];
                 meshes.push(match bvh::generated(&name) {
@@ -558,21 +564,43 @@ impl<'a> Run<'a> {
         } else {
             Vec::new()
         };
-        if self.meshes.is_empty() && families.is_empty() {
+        let cpu = !self.options.gpu_only;
+        let with_growth = cpu && self.only.takes(GROWTH);
+        if self.meshes.is_empty() && families.is_empty() && !with_growth {
             return Ok(());
         }
         let traversals: Result<Vec<_>, _> = self.gpus.iter().map(|g| Traversal::new(g)).collect();
         let engines = bvh::Engines {
-            cpu: !self.options.gpu_only,
+            cpu,
             embree: self.report.embree.found,
             gpu: traversals?,
         };
-        self.progress
-            .part("bvh", self.meshes.len() + families.len());
-        for mesh in &self.meshes {
+        let rates = |mesh: &Scene| self.only.takes(&format!("bvh/{}", mesh.name));
+        let builds = |mesh: &Scene| cpu && self.only.takes(&format!("bvh/builds/{}", mesh.name));
+        let parts = self
+            .meshes
+            .iter()
+            .map(|m| usize::from(rates(m)) + usize::from(builds(m)));
+        let sizes = bvh::sizes(&self.bvh_settings).filter(|_| with_growth);
+        self.progress.part(
+            "bvh",
+            parts.sum::<usize>() + families.len() + sizes.clone().count(),
+        );
+        for mesh in self.meshes.iter().filter(|m| rates(m)) {
             self.progress.step(&format!("rays in {}", mesh.name));
             let rows = bvh::measure(mesh, &self.bvh_settings, &engines)?;
             self.report.bvh.extend(rows);
+        }
+        for mesh in self.meshes.iter().filter(|m| builds(m)) {
+            self.progress.step(&format!("ways to build {}", mesh.name));
+            let rows = bvh::measure_builds(mesh, &self.bvh_settings, engines.embree)?;
+            self.report.builds.extend(rows);
+        }
+        for triangles in sizes {
+            self.progress
+                .step(&format!("rays in {triangles} triangles"));
+            let rows = bvh::measure_growth(triangles, &self.bvh_settings, engines.embree)?;
+            self.report.growth.extend(rows);
         }
         for family in &families {
             self.progress.step(&format!("hard rays: {}", family.name));

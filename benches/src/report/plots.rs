@@ -3,7 +3,8 @@
 use super::error::ReportError;
 use super::plot::{Plot, Series, Ticks};
 use super::schema::{
-    BallRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report, SequenceRow, SurfelRow,
+    BallRow, BuildRow, ConvergenceRow, KernelRow, PlotRow, ReflectionRow, Report, SequenceRow,
+    SurfelRow,
 };
 use super::{Drawn, page};
 
@@ -49,6 +50,7 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
         .into_iter()
         .chain(estimators(report))
         .chain(surfels(report))
+        .chain(trees(report))
     {
         out.push(drawn(format!("plots/{}.svg", slug(&plot.title)), &plot)?);
     }
@@ -58,6 +60,9 @@ pub(super) fn all(report: &Report) -> Result<Vec<Drawn>, ReportError> {
 /// Plots whose title begins with this belong to the materials.
 pub(super) const MATERIALS: [&str; 5] =
     ["Samplers", "Layers", "Reconstruction", "Worth", "Over time"];
+
+/// Plots whose title begins with one of these belong to the traversal.
+pub(super) const TREES: [&str; 3] = ["Trees", "Price", "Growth"];
 
 /// Plots whose title begins with this belong to the surfels.
 pub(super) const SURFELS: &str = "Surfels";
@@ -145,6 +150,73 @@ fn materials(report: &Report) -> Vec<Plot> {
 
 /// Error by frame for each event, by both measures; light that is left; error
 /// against milliseconds.
+/// No ray lost has no logarithm: it is drawn as half a ray.
+const HALF_A_RAY: f64 = 0.5;
+
+/// Ways to build a tree, the price of losing no ray, and cost against size.
+fn trees(report: &Report) -> Vec<Plot> {
+    let mut out = Vec::new();
+    for mesh in distinct(&report.builds, |r| r.mesh.clone()) {
+        let rows: Vec<_> = report.builds.iter().filter(|r| r.mesh == mesh).collect();
+        let engines = distinct(&rows, |r| r.engine.clone());
+        let lines = |x: &dyn Fn(&BuildRow) -> f64, joined: bool| -> Vec<Series> {
+            let lines = engines.iter().enumerate().map(|(colour, engine)| {
+                let rows: Vec<_> = rows.iter().filter(|r| r.engine == *engine).collect();
+                Series {
+                    labels: rows
+                        .iter()
+                        .map(|r| r.quality.clone().unwrap_or_default())
+                        .collect(),
+                    joined: joined && rows.len() > 1,
+                    ..series(
+                        engine.clone(),
+                        colour,
+                        rows.iter().map(|r| (x(r), r.mean)).collect(),
+                    )
+                }
+            });
+            lines.collect()
+        };
+        let y_label = "Mrays/s, geometric mean of four kinds, one thread";
+        out.push(Plot {
+            title: format!("Trees: build against speed, {mesh}"),
+            x_label: "ms to build, one thread".into(),
+            y_label: y_label.into(),
+            x_ticks: Ticks::Decimal,
+            series: lines(&|r| r.build_ms, true),
+            guide: None,
+        });
+        out.push(Plot {
+            title: format!("Price of being right, {mesh}"),
+            x_label: format!(
+                "rays lost of {} aimed at edges and vertices (none: at the left edge)",
+                rows.first().map_or(0, |r| r.aimed)
+            ),
+            y_label: y_label.into(),
+            x_ticks: Ticks::Decimal,
+            series: lines(&|r| (r.leaks as f64).max(HALF_A_RAY), false),
+            guide: None,
+        });
+    }
+    let engines = distinct(&report.growth, |r| r.engine.clone());
+    if !engines.is_empty() {
+        let lines = engines.iter().enumerate().map(|(colour, engine)| {
+            let rows = report.growth.iter().filter(|r| r.engine == *engine);
+            let points = rows.map(|r| (r.triangles as f64, r.ns)).collect();
+            series(engine.clone(), colour, points)
+        });
+        out.push(Plot {
+            title: "Growth: cost of a ray against triangles".into(),
+            x_label: "triangles of a displaced sphere".into(),
+            y_label: "ns a ray, geometric mean of four kinds, one thread".into(),
+            x_ticks: Ticks::Decimal,
+            series: lines.collect(),
+            guide: None,
+        });
+    }
+    out
+}
+
 fn surfels(report: &Report) -> Vec<Plot> {
     type Value = fn(&SurfelRow) -> f64;
     let rows = &report.surfels;

@@ -38,6 +38,12 @@ pub struct Report {
     pub bvh: Vec<BvhRow>,
     /// One row a hard family and engine.
     pub families: Vec<FamilyRow>,
+    /// What a tree's build costs and buys: one row a mesh and way to build.
+    #[serde(default)]
+    pub builds: Vec<BuildRow>,
+    /// Cost of a ray against the mesh's size: one row a size and engine.
+    #[serde(default)]
+    pub growth: Vec<GrowthRow>,
     /// Error against samples and time.
     pub convergence: Vec<ConvergenceRow>,
     /// The lines through those points.
@@ -588,6 +594,16 @@ pub struct Rates {
     pub ao: f64,
 }
 
+impl Rates {
+    /// Geometric mean of the four.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        (self.primary * self.shadow * self.diffuse * self.ao)
+            .sqrt()
+            .sqrt()
+    }
+}
+
 /// One engine on one mesh.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BvhRow {
@@ -633,6 +649,42 @@ pub struct FamilyRow {
     pub disagreements: usize,
     /// Hits of another triangle at the same distance; not an error.
     pub ties: usize,
+}
+
+/// One way to build one mesh's tree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BuildRow {
+    /// Mesh.
+    pub mesh: String,
+    /// Its triangles.
+    pub triangles: usize,
+    /// Engine; our quality is in `quality`.
+    pub engine: String,
+    /// Quality of the build, where the engine has several.
+    pub quality: Option<String>,
+    /// Milliseconds for the build and what follows it, one thread.
+    pub build_ms: f64,
+    /// Rates, one thread.
+    pub mrays: Rates,
+    /// Their geometric mean.
+    pub mean: f64,
+    /// Rays from the eye to points on edges and to vertices that were checked.
+    pub aimed: usize,
+    /// Hits that it loses of those.
+    pub leaks: usize,
+    /// Hits that are none, of those.
+    pub false_hits: usize,
+}
+
+/// One engine on a sphere of one size.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GrowthRow {
+    /// Triangles of the displaced sphere.
+    pub triangles: usize,
+    /// Engine.
+    pub engine: String,
+    /// Nanoseconds a ray: geometric mean of the four kinds, one thread.
+    pub ns: f64,
 }
 
 /// One point of a convergence plot.
