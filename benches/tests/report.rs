@@ -142,6 +142,7 @@ fn the_documentation_names_every_field() {
     report.bvh.push(Default::default());
     report.families.push(Default::default());
     report.builds.push(Default::default());
+    report.stacks.push(Default::default());
     report.growth.push(Default::default());
     report.convergence.push(Default::default());
     report.slopes.push(Default::default());

@@ -21,14 +21,15 @@ use raytwin_cpu::sample::basis::{basis_from_normal, basis_to_world};
 use raytwin_cpu::sample::hemisphere::hemisphere_cosine_sample;
 use raytwin_tests::crosscheck::{self, Answer, Counts, RaySet, Subject, compare};
 use raytwin_tests::embree::{EmbreeOptions, EmbreeRay, EmbreeScene};
+use raytwin_tests::gpu::Gpu;
 use raytwin_tests::rays::families::{Expectation, Family};
 use raytwin_tests::rays::meshes;
 use raytwin_tests::scene::{Mesh, Scene};
 
 use super::error::ReportError;
 use super::kernels::median;
-use super::schema::{BuildRow, BvhRow, FamilyRow, GrowthRow, Rates};
-use super::traversal::{Traversal, TraversalMesh};
+use super::schema::{BuildRow, BvhRow, FamilyRow, GrowthRow, Rates, StackRow};
+use super::traversal::{SMALL_WORKGROUP, Stack, Traversal, TraversalMesh, WORKGROUP};
 
 /// How much to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -654,6 +655,49 @@ pub(super) fn measure_builds(
                 leaks: counts.leaks,
                 false_hits: counts.false_hits,
             }
+        })
+        .collect())
+}
+
+/// The WGSL traversal with its stack in each place, in workgroups of two sizes;
+/// the first is the kernel as it is.
+///
+/// # Errors
+/// If the mesh has no tree or an adapter refuses a program.
+pub(super) fn measure_stacks(
+    scene: &Scene,
+    settings: &BvhSettings,
+    gpu: &Gpu,
+) -> Result<Vec<StackRow>, ReportError> {
+    let bvh = build(&scene.name, &scene.mesh.positions, &scene.mesh.indices)?;
+    let mut places = vec![(Stack::Function, WORKGROUP)];
+    places.extend(Stack::ALL.map(|stack| (stack, SMALL_WORKGROUP)));
+    let traversals: Result<Vec<_>, _> = places
+        .iter()
+        .map(|(stack, workgroup)| Traversal::new(gpu, *stack, *workgroup))
+        .collect();
+    let traversals = traversals?;
+    let engines: Vec<_> = traversals
+        .iter()
+        .map(|t| Engine {
+            name: gpu.label(),
+            build_ms: None,
+            kind: Kind::Gpu(t.mesh(&bvh)),
+        })
+        .collect();
+    let sets = RaySets::new(scene, &bvh, settings.rays);
+    let rates = rates(&engines, &sets, settings.rounds);
+    let hits: Vec<_> = engines.iter().map(|e| e.closest(&sets.primary)).collect();
+    let rows = places.iter().zip(&rates).zip(&hits);
+    Ok(rows
+        .map(|(((stack, workgroup), mrays), found)| StackRow {
+            mesh: scene.name.clone(),
+            adapter: gpu.label(),
+            stack: stack.name().into(),
+            workgroup: *workgroup,
+            mrays: *mrays,
+            ratio: mrays.mean() / rates[0].mean(),
+            differing: found.iter().zip(&hits[0]).filter(|(a, b)| a != b).count(),
         })
         .collect())
 }

@@ -46,7 +46,7 @@ use schema::{
     BallRow, ConvergenceRow, EmbreeInfo, PictureRow, PlotRow, ReferenceRow, ReflectionRow, Report,
     SequenceRow, Settings, SlopeRow, StageRow, SurfelRow,
 };
-use traversal::Traversal;
+use traversal::{Stack, Traversal, WORKGROUP};
 
 /// What to measure and where to write.
 #[derive(Clone, Debug, Default)]
@@ -136,6 +136,9 @@ const ESTIMATOR: &str = "estimator";
 /// Surfels beside path-traced references.
 pub(crate) const SURFELS: &str = "surfels";
 
+/// Meshes in which the places of the WGSL traversal's stack are compared.
+const STACKS: [&str; 2] = ["kitchen", "terrain"];
+
 /// Name of the cost of a ray against the mesh's size.
 const GROWTH: &str = "bvh/growth";
 
@@ -197,6 +200,7 @@ impl<'a> Run<'a> {
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/{mesh}")));
         names.push("bvh/families".into());
         names.extend(mesh_names.iter().map(|mesh| format!("bvh/builds/{mesh}")));
+        names.extend(STACKS.map(|mesh| format!("bvh/stacks/{mesh}")));
         names.push(GROWTH.into());
         let only = Only::new(options.only.as_deref(), &names)?;
 
@@ -225,7 +229,9 @@ impl<'a> Run<'a> {
         let mut meshes = Vec::new();
         for name in mesh_names {
             let builds = only.takes(&format!("bvh/builds/{name}"));
-            if only.takes(&format!("bvh/{name}")) || builds {
+            let stacks =
+                STACKS.contains(&name.as_str()) && only.takes(&format!("bvh/stacks/{name}"));
+            if only.takes(&format!("bvh/{name}")) || builds || stacks {
                 // The given scene comes first, whatever its name.
                 let is_given = given.is_some() && meshes.is_empty() && name == scene_names[0];
                 meshes.push(match bvh::generated(&name) {
@@ -569,7 +575,11 @@ impl<'a> Run<'a> {
         if self.meshes.is_empty() && families.is_empty() && !with_growth {
             return Ok(());
         }
-        let traversals: Result<Vec<_>, _> = self.gpus.iter().map(|g| Traversal::new(g)).collect();
+        let traversals: Result<Vec<_>, _> = self
+            .gpus
+            .iter()
+            .map(|g| Traversal::new(g, Stack::Function, WORKGROUP))
+            .collect();
         let engines = bvh::Engines {
             cpu,
             embree: self.report.embree.found,
@@ -577,10 +587,15 @@ impl<'a> Run<'a> {
         };
         let rates = |mesh: &Scene| self.only.takes(&format!("bvh/{}", mesh.name));
         let builds = |mesh: &Scene| cpu && self.only.takes(&format!("bvh/builds/{}", mesh.name));
-        let parts = self
-            .meshes
-            .iter()
-            .map(|m| usize::from(rates(m)) + usize::from(builds(m)));
+        let stacks = |mesh: &Scene| {
+            STACKS.contains(&mesh.name.as_str())
+                && self.only.takes(&format!("bvh/stacks/{}", mesh.name))
+        };
+        let parts = self.meshes.iter().map(|m| {
+            usize::from(rates(m))
+                + usize::from(builds(m))
+                + self.gpus.len() * usize::from(stacks(m))
+        });
         let sizes = bvh::sizes(&self.bvh_settings).filter(|_| with_growth);
         self.progress.part(
             "bvh",
@@ -595,6 +610,14 @@ impl<'a> Run<'a> {
             self.progress.step(&format!("ways to build {}", mesh.name));
             let rows = bvh::measure_builds(mesh, &self.bvh_settings, engines.embree)?;
             self.report.builds.extend(rows);
+        }
+        for mesh in self.meshes.iter().filter(|m| stacks(m)) {
+            for gpu in &self.gpus {
+                self.progress
+                    .step(&format!("stacks of rays in {}", mesh.name));
+                let rows = bvh::measure_stacks(mesh, &self.bvh_settings, gpu)?;
+                self.report.stacks.extend(rows);
+            }
         }
         for triangles in sizes {
             self.progress

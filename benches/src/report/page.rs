@@ -471,6 +471,25 @@ fn traversal(report: &Report, plots: &[&Drawn]) -> Markup {
             }
             div.plots { @for plot in plots { figure { (PreEscaped(&plot.svg)) } } }
         }
+        @if !report.stacks.is_empty() {
+            h3 { "Where the WGSL traversal has its stack" }
+            p { "The kernel keeps it in the function. The same text with the stack elsewhere, all in turn, the ratio by the geometric mean of the four kinds of rays; camera rays are compared hit by hit." }
+            div.scroll { table {
+                thead { tr {
+                    th.left { "Mesh" } th.left { "Adapter" } th.left { "Stack" } th { "Rays a workgroup" }
+                    th { "Mrays/s" } th { "Ratio" } th { "Other hits" }
+                } }
+                tbody { @for r in &report.stacks { tr {
+                    td.left { (r.mesh) }
+                    td.left title=(r.adapter) { (short(&r.adapter)) }
+                    td.left { (r.stack) }
+                    td { (r.workgroup) }
+                    td { (number(r.mrays.mean())) }
+                    td { (format!("{:.2}", r.ratio)) }
+                    (mistakes(r.differing))
+                } } }
+            } }
+        }
     }
 }
 

@@ -41,6 +41,9 @@ pub struct Report {
     /// What a tree's build costs and buys: one row a mesh and way to build.
     #[serde(default)]
     pub builds: Vec<BuildRow>,
+    /// Where the WGSL traversal has its stack: one row an adapter, mesh and place.
+    #[serde(default)]
+    pub stacks: Vec<StackRow>,
     /// Cost of a ray against the mesh's size: one row a size and engine.
     #[serde(default)]
     pub growth: Vec<GrowthRow>,
@@ -674,6 +677,25 @@ pub struct BuildRow {
     pub leaks: usize,
     /// Hits that are none, of those.
     pub false_hits: usize,
+}
+
+/// The WGSL traversal with its stack in one place.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StackRow {
+    /// Mesh.
+    pub mesh: String,
+    /// Adapter.
+    pub adapter: String,
+    /// `function` (as the kernel has it), `private` or `workgroup`.
+    pub stack: String,
+    /// Rays a workgroup.
+    pub workgroup: u32,
+    /// Rates.
+    pub mrays: Rates,
+    /// Their geometric mean over that of the kernel as it is.
+    pub ratio: f64,
+    /// Camera rays with another hit than those of the kernel as it is.
+    pub differing: usize,
 }
 
 /// One engine on a sphere of one size.

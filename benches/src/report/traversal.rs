@@ -13,7 +13,62 @@ use super::error::ReportError;
 /// Rays in one dispatch: a driver ends one that runs for seconds.
 const RAYS_A_DISPATCH: usize = 1 << 18;
 
-const WORKGROUP: u32 = 64;
+/// Where a ray's stack lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stack {
+    /// In the function, as the kernel has it.
+    Function,
+    /// In variables of the invocation.
+    Private,
+    /// In the workgroup's memory.
+    Workgroup,
+}
+
+impl Stack {
+    pub const ALL: [Self; 3] = [Self::Function, Self::Private, Self::Workgroup];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Function => "function",
+            Self::Private => "private",
+            Self::Workgroup => "workgroup",
+        }
+    }
+
+    /// The kernel's text with its stack there; `None` if it has changed so that
+    /// its stack is not found.
+    fn place(self, kernel: &str, workgroup: u32) -> Option<String> {
+        const NODE: &str = "    var stack_node: array<u32, BVH_STACK>;\n";
+        const ENTER: &str = "    var stack_enter: array<f32, BVH_STACK>;\n";
+        if !kernel.contains(NODE) || !kernel.contains(ENTER) {
+            return None;
+        }
+        let without = || kernel.replace(NODE, "").replace(ENTER, "");
+        Some(match self {
+            Self::Function => kernel.into(),
+            Self::Private => {
+                without()
+                    + "var<private> stack_node: array<u32, BVH_STACK>;\n\
+                       var<private> stack_enter: array<f32, BVH_STACK>;\n"
+            }
+            Self::Workgroup => {
+                without()
+                    .replace("stack_node[", "stack_node[traversal_lane][")
+                    .replace("stack_enter[", "stack_enter[traversal_lane][")
+                    + &format!(
+                        "var<workgroup> stack_node: array<array<u32, BVH_STACK>, {workgroup}>;\n\
+                         var<workgroup> stack_enter: array<array<f32, BVH_STACK>, {workgroup}>;\n"
+                    )
+            }
+        })
+    }
+}
+
+/// Rays of a workgroup.
+pub(super) const WORKGROUP: u32 = 64;
+
+/// Rays of a workgroup whose stacks fit 16 KiB, the least that WebGPU promises.
+pub(super) const SMALL_WORKGROUP: u32 = 32;
 
 /// Both pipelines, compiled for one adapter.
 pub(super) struct Traversal<'a> {
@@ -21,6 +76,7 @@ pub(super) struct Traversal<'a> {
     closest: wgpu::ComputePipeline,
     any: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
+    workgroup: u32,
 }
 
 /// A mesh on one adapter.
@@ -30,14 +86,20 @@ pub(super) struct TraversalMesh<'a> {
 }
 
 impl<'a> Traversal<'a> {
-    pub fn new(gpu: &'a Gpu) -> Result<Self, ReportError> {
+    /// With the stack there, and so many rays a workgroup.
+    pub fn new(gpu: &'a Gpu, stack: Stack, workgroup: u32) -> Result<Self, ReportError> {
         let failed = |message: String| ReportError::Traversal {
             adapter: gpu.label(),
             message,
         };
         let device = gpu.device();
-        let source = raytwin_wgsl::link(&["ray/bvh"]).map_err(|e| failed(e.to_string()))?
+        let kernel = raytwin_wgsl::link(&["ray/bvh"]).map_err(|e| failed(e.to_string()))?;
+        let kernel = stack
+            .place(&kernel, workgroup)
+            .ok_or_else(|| failed("the stack of ray/bvh is not where it was".into()))?;
+        let source = kernel
             + BvhBuffers::bindings_wgsl()
+            + &format!("const TRAVERSAL_WORKGROUP: u32 = {workgroup}u;\n")
             + include_str!("traversal.wgsl");
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -84,6 +146,7 @@ impl<'a> Traversal<'a> {
             closest,
             any,
             layout,
+            workgroup,
         })
     }
 
@@ -148,6 +211,7 @@ impl TraversalMesh<'_> {
             closest,
             any: any_pipeline,
             layout,
+            workgroup,
         } = self.traversal;
         let device = gpu.device();
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -186,7 +250,7 @@ impl TraversalMesh<'_> {
             pass.set_pipeline(if any { any_pipeline } else { closest });
             pass.set_bind_group(0, &group, &[]);
             pass.set_bind_group(BvhBuffers::GROUP, self.buffers.bind_group(), &[]);
-            let groups = count.div_ceil(WORKGROUP).max(1);
+            let groups = count.div_ceil(*workgroup).max(1);
             let rows = groups.div_ceil(65_535);
             pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
         }
