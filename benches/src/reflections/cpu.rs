@@ -39,7 +39,7 @@ fn rows<T: Send>(width: u32, height: u32, pixel: impl Fn(UVec2) -> T + Send + Sy
 impl<'a> CpuReflections<'a> {
     pub fn new(scene: &'a ReflectionScene<'a>, p: &Parameters) -> Self {
         let world = World {
-            bvh: scene.scene.bvh.view(),
+            bvh: &scene.scene.wide,
             normals: &scene.scene.normals,
             balls: &scene.balls,
         };

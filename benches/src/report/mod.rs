@@ -462,8 +462,8 @@ impl<'a> Run<'a> {
         Ok(shown)
     }
 
-    /// All sequences of a scene, the long run's also at full size; of the quick
-    /// report's a few of the toy room.
+    /// The sequences of a scene: for the long run all, at full size, for the quick
+    /// report four.
     fn measure_sequences(
         &mut self,
         scene: &StageScene,
@@ -491,9 +491,6 @@ impl<'a> Run<'a> {
                 } else if quick {
                     jobs.push((signal, event, SequenceSettings::quick()));
                 }
-                if full && event == Event::Pan && self.options.size.is_none() {
-                    jobs.push((signal, event, SequenceSettings::large()));
-                }
             }
         }
         for (signal, event, mut settings) in jobs {
@@ -501,14 +498,16 @@ impl<'a> Run<'a> {
                 (settings.width, settings.height) = size;
             }
             let name = &scene.scene.name;
-            progress(&format!(
+            let what = format!(
                 "{name}: {}, {}, {} x {}",
                 signal.title(),
                 event.name(),
                 settings.width,
                 settings.height
-            ));
-            let run = sequence::measure(&balls, signal, event, &settings)?;
+            );
+            progress(&what);
+            let within = |frame: &str| self.progress.within(&format!("{what}, {frame}"));
+            let run = sequence::measure(&balls, signal, event, &settings, &within)?;
             let size = run.results.first().map_or([0; 2], |r| r.size);
             if !costs.iter().any(|(s, _)| *s == size) && size[0] > 0 {
                 let of = glam::UVec2::from_array(size);

@@ -51,6 +51,13 @@ impl Progress {
         }
     }
 
+    /// What the step is at; not a line of its own elsewhere than on a terminal.
+    pub fn within(&self, what: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(what.to_owned());
+        }
+    }
+
     /// A line that stays.
     pub fn warn(&self, text: &str) {
         match &self.bar {

@@ -158,7 +158,7 @@ impl<'a> Film<'a> {
                 sample_count: 1,
             },
             world: World {
-                bvh: stage_scene.bvh.view(),
+                bvh: &stage_scene.wide,
                 normals: &stage_scene.normals,
                 balls,
             },

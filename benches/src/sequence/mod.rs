@@ -51,21 +51,9 @@ pub struct SequenceSettings {
 }
 
 impl SequenceSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report, which has four sequences.
     #[must_use]
     pub fn quick() -> Self {
-        Self {
-            width: 240,
-            height: 135,
-            frames: 24,
-            reference_samples: 128,
-            all: true,
-        }
-    }
-
-    /// For the long run.
-    #[must_use]
-    pub fn full() -> Self {
         Self {
             width: 640,
             height: 360,
@@ -75,14 +63,13 @@ impl SequenceSettings {
         }
     }
 
-    /// For the long run's largest pictures.
+    /// For the long run, which has all of them.
     #[must_use]
-    pub fn large() -> Self {
+    pub fn full() -> Self {
         Self {
             width: 1920,
             height: 1080,
-            all: false,
-            ..Self::full()
+            ..Self::quick()
         }
     }
 }
@@ -404,6 +391,8 @@ fn is_shown(name: &str) -> bool {
 
 /// Renders a sequence of one signal on the CPU and filters it in every way.
 ///
+/// `progress` is told each frame.
+///
 /// # Errors
 /// If the settings are out of range.
 pub fn measure(
@@ -411,6 +400,7 @@ pub fn measure(
     signal: Signal,
     event: Event,
     settings: &SequenceSettings,
+    progress: &dyn Fn(&str),
 ) -> Result<SequenceRun, StageError> {
     let (width, height, frames) = (settings.width, settings.height, settings.frames);
     crate::stages::check_size(width, height)?;
@@ -453,6 +443,7 @@ pub fn measure(
     let mut prior = at(0);
     let mut last = None;
     for number in 0..frames {
+        progress(&format!("frame {} of {frames}", number + 1));
         let now = at(number);
         let frame = film.frame(&now, &prior, number)?;
         // Something that moves has a reference at the end only.

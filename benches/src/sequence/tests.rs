@@ -16,7 +16,7 @@ const SETTINGS: SequenceSettings = SequenceSettings {
 fn run(signal: Signal, event: Event) -> SequenceRun {
     let scene = StageScene::new(Scene::toy_room()).unwrap();
     let balls = ReflectionScene::new(&scene).unwrap();
-    let run = measure(&balls, signal, event, &SETTINGS).unwrap();
+    let run = measure(&balls, signal, event, &SETTINGS, &|_| ()).unwrap();
     for r in &run.results {
         println!(
             "{} {} {}: {:.2} ms, rmse {:.4} (reference {:.4}), flip {:.3}, ssim {:.3}, flicker {:.4}, half-life {:?}",

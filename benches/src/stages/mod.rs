@@ -30,6 +30,7 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec2, Vec3};
 use raytwin::ray::bvh_build::{BuildQuality, Bvh, BvhError};
+use raytwin_cpu::pass::bvh8::Bvh8;
 use raytwin_cpu::random::halton::HALTON_PERIOD;
 use raytwin_cpu::ray::camera::Camera;
 use raytwin_cpu::sample::cone::cone_one_minus_cos;
@@ -349,6 +350,8 @@ pub struct StageScene {
     pub scene: Scene,
     /// The tree over the mesh.
     pub bvh: Bvh,
+    /// The same tree with eight children a node, for what traces many rays.
+    pub wide: Bvh8,
     /// Unit geometric normal of each triangle; +y where it has no area.
     pub normals: Vec<Vec3>,
     /// How long the tree took.
@@ -379,6 +382,7 @@ impl StageScene {
         Ok(Self {
             offset: 1e-3 * (diagonal / 8.0),
             scene,
+            wide: bvh.wide()?,
             bvh,
             normals,
             build_ms,
