@@ -333,7 +333,9 @@ fn main() {
                 engines.push((name.into(), Way::Tinybvh(tree)));
             }
         }
-        engines.retain(|e| e.0 == "Embree" || only.is_empty() || only.split(',').any(|o| e.0.contains(o)));
+        engines.retain(|e| {
+            e.0 == "Embree" || only.is_empty() || only.split(',').any(|o| e.0.contains(o))
+        });
         let mut best = vec![[f64::INFINITY; 4]; engines.len()];
         for _ in 0..rounds {
             for (k, (rays, any)) in sets.all().into_iter().enumerate() {
