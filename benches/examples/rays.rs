@@ -276,6 +276,10 @@ fn main() {
             .into_iter()
             .map(|l| (format!("wide {}", l.name()), wide.clone().with_level(l)))
             .collect();
+        // Without a place on the heap for each packet.
+        let packet = |rs: &[Ray]| -> [EmbreeRay; 16] {
+            std::array::from_fn(|i| ray(&rs[i.min(rs.len() - 1)]))
+        };
         let mut engines: Vec<(String, Way)> = vec![
             (
                 "Embree".into(),
@@ -324,6 +328,37 @@ fn main() {
                 ]),
             ));
         }
+        engines.push((
+            "coherent".into(),
+            Way::Here([
+                Box::new(|rs| {
+                    let hits = wide.closest_coherent(rs);
+                    hits.iter().filter(|h| h.primitive != BVH_MISS).count()
+                }),
+                Box::new(|rs| wide.any_coherent(rs).iter().filter(|h| **h).count()),
+            ]),
+        ));
+        engines.push((
+            "Embree packets".into(),
+            Way::Here([
+                Box::new(|rs| {
+                    rs.chunks(16)
+                        .map(|rs| {
+                            let hits = plain.intersect16(&packet(rs)[..rs.len()], true);
+                            hits.iter().flatten().count()
+                        })
+                        .sum()
+                }),
+                Box::new(|rs| {
+                    rs.chunks(16)
+                        .map(|rs| {
+                            let hits = plain.occluded16(&packet(rs)[..rs.len()], true);
+                            hits.iter().filter(|h| **h).count()
+                        })
+                        .sum()
+                }),
+            ]),
+        ));
         if let Ok(tinybvh) = &tinybvh {
             for (name, high) in [("tinybvh", false), ("tinybvh HQ", true)] {
                 let tree = tinybvh
