@@ -21,6 +21,7 @@ const EMPTY_BLOCK: Block = Block {
     vertices: [[[0.0; BLOCK]; 3]; 3],
     primitives: [u32::MAX; BLOCK],
     normals: [[0.0; BLOCK]; 3],
+    slack: 0.0,
 };
 
 /// The cheapest way to stand for a subtree.
