@@ -1,6 +1,7 @@
 //! Rays per second through the tree of eight, beside Embree and the scalar twin.
 //!
-//! `cargo run --release -p raytwin-bench --example rays -- MESH… [--rays N] [--rounds N]`
+//! `cargo run --release -p raytwin-bench --example rays -- MESH… [--rays N] [--rounds N]
+//! [--threads N]`, beside tinybvh too where `cargo xtask report` has built it.
 //!
 //! With `--growth MOST` instead of meshes: spheres and terrains of a thousand
 //! up to MOST triangles, the cost of a ray fitted to the logarithm of their
@@ -10,7 +11,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use raytwin::ray::bvh_build::{BuildQuality, Bvh};
-use raytwin_bench::report::bvh::{RaySets, generated};
+use raytwin_bench::report::bvh::{RaySets, generated, ray8};
+use raytwin_bench::tinybvh::{Tinybvh, TinybvhTree};
 use raytwin_cpu::pass::bvh8::{Bvh8, Level};
 use raytwin_cpu::ray::bvh::{BVH_MISS, bvh_any, bvh_closest};
 use raytwin_cpu::ray::ray::Ray;
@@ -35,19 +37,57 @@ fn load(name: &str) -> Scene {
         "sponza" => Scene::load(sponza_path().expect("sponza")).expect("sponza"),
         "sphere10k" => whole(meshes::displaced_sphere(10_000), "sphere"),
         "sphere1m" => whole(meshes::displaced_sphere(1_000_000), "sphere"),
+        "hare" => whole(meshes::hare(70_000), "sphere"),
         "terrain10k" => whole(meshes::terrain(10_000), "terrain"),
         "terrain1m" => whole(meshes::terrain(1_000_000), "terrain"),
         _ => generated(name).expect("a mesh"),
     }
 }
 
-fn time(rays: &[Ray], f: &dyn Fn(&[Ray]) -> usize) -> (f64, usize) {
+fn time(rays: &[Ray], f: &(dyn Fn(&[Ray]) -> usize + Sync)) -> (f64, usize) {
+    time_on(rays, f, 1)
+}
+
+/// Each thread takes as many neighbouring rays as the others.
+fn time_on(rays: &[Ray], f: &(dyn Fn(&[Ray]) -> usize + Sync), threads: usize) -> (f64, usize) {
     let start = Instant::now();
-    let n = f(black_box(rays));
+    let rays = black_box(rays);
+    let n = if threads <= 1 {
+        f(rays)
+    } else {
+        let part = rays.len().div_ceil(threads).max(1);
+        std::thread::scope(|scope| {
+            let parts: Vec<_> = rays
+                .chunks(part)
+                .map(|rays| scope.spawn(|| f(rays)))
+                .collect();
+            parts.into_iter().map(|p| p.join().expect("a thread")).sum()
+        })
+    };
     (start.elapsed().as_secs_f64(), black_box(n))
 }
 
-type Sweep<'a> = Box<dyn Fn(&[Ray]) -> usize + 'a>;
+type Sweep<'a> = Box<dyn Fn(&[Ray]) -> usize + Sync + 'a>;
+
+enum Way<'a> {
+    /// Closest and any hit.
+    Here([Sweep<'a>; 2]),
+    /// In its own process.
+    Tinybvh(TinybvhTree),
+}
+
+impl Way<'_> {
+    fn time(&self, rays: &[Ray], any: bool, threads: usize) -> (f64, usize) {
+        match self {
+            Way::Here(sweeps) => time_on(rays, &sweeps[usize::from(any)], threads),
+            Way::Tinybvh(tree) => {
+                let rays: Vec<_> = rays.iter().map(ray8).collect();
+                let traced = tree.trace(&rays, any, false, threads).expect("tinybvh");
+                (traced.seconds, traced.hits)
+            }
+        }
+    }
+}
 
 /// Nanoseconds a ray as `a + b · log2(triangles)`, and how much of their spread
 /// that explains.
@@ -169,13 +209,14 @@ fn growth(most: usize, count: usize, rounds: usize) {
 fn main() {
     let mut names = Vec::new();
     let (mut count, mut rounds) = (1usize << 16, 7usize);
-    let mut most = 0usize;
+    let (mut most, mut threads) = (0usize, 1usize);
     let (mut only, mut quality) = (String::new(), BuildQuality::Medium);
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
         match a.as_str() {
             "--rays" => count = args.next().and_then(|v| v.parse().ok()).expect("a number"),
             "--rounds" => rounds = args.next().and_then(|v| v.parse().ok()).expect("a number"),
+            "--threads" => threads = args.next().and_then(|v| v.parse().ok()).expect("a number"),
             "--growth" => most = args.next().and_then(|v| v.parse().ok()).expect("a number"),
             "--only" => only = args.next().expect("a name"),
             "--fast" => quality = BuildQuality::Fast,
@@ -187,6 +228,11 @@ fn main() {
     if most > 0 {
         growth(most, count, rounds);
         return;
+    }
+    let tinybvh = Tinybvh::find();
+    match &tinybvh {
+        Ok(t) => println!("tinybvh {}", t.version),
+        Err(error) => println!("without tinybvh: {error}"),
     }
     let mut sums: Vec<(String, [f64; 4], usize)> = Vec::new();
     for name in names {
@@ -230,60 +276,106 @@ fn main() {
             .into_iter()
             .map(|l| (format!("wide {}", l.name()), wide.clone().with_level(l)))
             .collect();
-        let mut engines: Vec<(String, [Sweep; 2])> = vec![
+        // Without a place on the heap for each packet.
+        let packet = |rs: &[Ray]| -> [EmbreeRay; 16] {
+            std::array::from_fn(|i| ray(&rs[i.min(rs.len() - 1)]))
+        };
+        let mut engines: Vec<(String, Way)> = vec![
             (
                 "Embree".into(),
-                [
+                Way::Here([
                     Box::new(|rs| {
                         rs.iter()
                             .filter(|r| plain.intersect(&ray(r)).is_some())
                             .count()
                     }),
                     Box::new(|rs| rs.iter().filter(|r| plain.occluded(&ray(r))).count()),
-                ],
+                ]),
             ),
             (
                 "Embree robust".into(),
-                [
+                Way::Here([
                     Box::new(|rs| {
                         rs.iter()
                             .filter(|r| robust.intersect(&ray(r)).is_some())
                             .count()
                     }),
                     Box::new(|rs| rs.iter().filter(|r| robust.occluded(&ray(r))).count()),
-                ],
+                ]),
             ),
             (
                 "binary".into(),
-                [
+                Way::Here([
                     Box::new(|rs| {
                         rs.iter()
                             .filter(|r| bvh_closest(&view, **r).primitive != BVH_MISS)
                             .count()
                     }),
                     Box::new(|rs| rs.iter().filter(|r| bvh_any(&view, **r) != 0).count()),
-                ],
+                ]),
             ),
         ];
         for (name, wide) in &wides {
             engines.push((
                 name.clone(),
-                [
+                Way::Here([
                     Box::new(|rs| {
                         rs.iter()
                             .filter(|r| wide.closest(r).primitive != BVH_MISS)
                             .count()
                     }),
                     Box::new(|rs| rs.iter().filter(|r| wide.any(r)).count()),
-                ],
+                ]),
             ));
         }
-        engines.retain(|e| e.0 == "Embree" || only.is_empty() || e.0.contains(&only));
+        engines.push((
+            "coherent".into(),
+            Way::Here([
+                Box::new(|rs| {
+                    let hits = wide.closest_coherent(rs);
+                    hits.iter().filter(|h| h.primitive != BVH_MISS).count()
+                }),
+                Box::new(|rs| wide.any_coherent(rs).iter().filter(|h| **h).count()),
+            ]),
+        ));
+        engines.push((
+            "Embree packets".into(),
+            Way::Here([
+                Box::new(|rs| {
+                    rs.chunks(16)
+                        .map(|rs| {
+                            let hits = plain.intersect16(&packet(rs)[..rs.len()], true);
+                            hits.iter().flatten().count()
+                        })
+                        .sum()
+                }),
+                Box::new(|rs| {
+                    rs.chunks(16)
+                        .map(|rs| {
+                            let hits = plain.occluded16(&packet(rs)[..rs.len()], true);
+                            hits.iter().filter(|h| **h).count()
+                        })
+                        .sum()
+                }),
+            ]),
+        ));
+        if let Ok(tinybvh) = &tinybvh {
+            for (name, high) in [("tinybvh", false), ("tinybvh HQ", true)] {
+                let tree = tinybvh
+                    .tree(&positions, &mesh.indices, high)
+                    .expect("a tree");
+                println!("  {name} {:.1} ms", tree.build_ms);
+                engines.push((name.into(), Way::Tinybvh(tree)));
+            }
+        }
+        engines.retain(|e| {
+            e.0 == "Embree" || only.is_empty() || only.split(',').any(|o| e.0.contains(o))
+        });
         let mut best = vec![[f64::INFINITY; 4]; engines.len()];
         for _ in 0..rounds {
             for (k, (rays, any)) in sets.all().into_iter().enumerate() {
                 for ((_, f), best) in engines.iter().zip(&mut best) {
-                    best[k] = best[k].min(time(rays, &f[usize::from(any)]).0);
+                    best[k] = best[k].min(f.time(rays, any, threads).0);
                 }
             }
         }

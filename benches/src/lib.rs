@@ -5,3 +5,4 @@ pub mod report;
 pub mod sequence;
 pub mod stages;
 pub mod surfels;
+pub mod tinybvh;

@@ -127,6 +127,9 @@ fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
             Err(error) => return Err(Failure::Setup(error.to_string())),
         }
     };
+    if !(given("--help") || given("-h")) {
+        tinybvh(&environment);
+    }
     let mut command = vec![
         "run",
         "--release",
@@ -140,6 +143,37 @@ fn report(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     command.extend(arguments.iter().map(String::as_str));
     println!("building the report in release mode (a few minutes the first time)");
     environment.cargo("report", &command, &[])
+}
+
+/// tinybvh's part of the report is a workspace of its own.
+const TINYBVH: [&str; 5] = [
+    "--locked",
+    "--manifest-path",
+    "benches/tinybvh/Cargo.toml",
+    "--target-dir",
+    "target/tinybvh",
+];
+
+/// Why tinybvh's traversal cannot be compiled here.
+fn no_tinybvh() -> Option<&'static str> {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        return None;
+    }
+    Some("its eight-wide traversal needs a processor with AVX2 and FMA")
+}
+
+/// Builds the report's other peer. The report says where it is missing.
+fn tinybvh(environment: &Environment) {
+    if let Some(why) = no_tinybvh() {
+        eprintln!("warning: the report will lack tinybvh: {why}");
+        return;
+    }
+    println!("building tinybvh, a peer of the report, for this processor (half a minute)");
+    let command = [&["build", "--release", "--quiet"], &TINYBVH[..]].concat();
+    if let Err(failure) = environment.cargo("tinybvh", &command, &[]) {
+        eprintln!("warning: the report will lack tinybvh: {failure}");
+    }
 }
 
 fn test(root: &Path, full: bool) -> Result<(), Failure> {
@@ -206,6 +240,13 @@ fn test(root: &Path, full: bool) -> Result<(), Failure> {
     )?;
     deny::check(root, &environment, &mut tests)?;
     semver::check(root, &environment, &mut tests)?;
+    match no_tinybvh() {
+        Some(why) => tests.skip(format!("tinybvh, a peer of the report: {why}")),
+        None => {
+            let arguments = [&["test"], &TINYBVH[..]].concat();
+            environment.cargo_test(&arguments, &[], &mut tests)?;
+        }
+    }
     packagings(&environment, &mut tests)?;
     web::test(root, &environment, &mut tests)?;
     gallery::test(root, &environment, &mut tests)?;

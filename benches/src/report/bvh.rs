@@ -1,6 +1,9 @@
 //! The table of traversal engines: build, speed, and what they get wrong.
 
+use std::cell::RefCell;
 use std::hint::black_box;
+use std::rc::Rc;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use embree4_sys::RTCBuildQuality;
@@ -25,6 +28,8 @@ use raytwin_tests::gpu::Gpu;
 use raytwin_tests::rays::families::{Expectation, Family};
 use raytwin_tests::rays::meshes;
 use raytwin_tests::scene::{Mesh, Scene};
+
+use crate::tinybvh::{Ray8, Tinybvh, TinybvhError, TinybvhTree, Traced};
 
 use super::error::ReportError;
 use super::kernels::median;
@@ -82,8 +87,30 @@ pub(super) struct Engines<'a> {
     pub cpu: bool,
     /// Whether Embree was found.
     pub embree: bool,
+    /// tinybvh, where it was built.
+    pub tinybvh: Option<Tinybvh>,
+    /// Where tinybvh gave up, and why.
+    pub failures: Rc<RefCell<Vec<String>>>,
     /// Ours on adapters.
     pub(super) gpu: Vec<Traversal<'a>>,
+}
+
+impl Engines<'_> {
+    fn fails(&self, mesh: &str, why: &str) {
+        let failure = format!("tinybvh is left out in {mesh}: {why}.");
+        self.failures.borrow_mut().push(failure);
+    }
+
+    /// Whether what the engine said counts; if not, that is noted.
+    fn counts(&self, mesh: &str, engine: &Engine<'_>) -> bool {
+        match engine.failure() {
+            Some(why) => {
+                self.fails(mesh, &why);
+                false
+            }
+            None => true,
+        }
+    }
 }
 
 /// Names of the generated meshes.
@@ -187,7 +214,48 @@ enum Kind<'a> {
     Wide(Bvh8),
     Obvhs(Obvhs),
     Embree(EmbreeScene),
+    Tinybvh(Peer),
     Gpu(TraversalMesh<'a>),
+}
+
+/// A tree of tinybvh, and whether its process has ended.
+struct Peer {
+    tree: TinybvhTree,
+    failure: OnceLock<TinybvhError>,
+}
+
+impl Peer {
+    fn new(tree: TinybvhTree) -> Self {
+        Self {
+            tree,
+            failure: OnceLock::new(),
+        }
+    }
+
+    /// What came of the rays; nothing once the process has ended.
+    fn trace(&self, rays: &[Ray], any: bool, listed: bool) -> Option<Traced> {
+        if self.failure.get().is_some() {
+            return None;
+        }
+        let rays: Vec<Ray8> = rays.iter().map(ray8).collect();
+        match self.tree.trace(&rays, any, listed, 1) {
+            Ok(traced) => Some(traced),
+            Err(error) => {
+                // One that was there before says as much.
+                let _ = self.failure.set(error);
+                None
+            }
+        }
+    }
+}
+
+/// tinybvh has no `t_min`: a ray starts where it is that far along, which a
+/// rounding may move.
+#[must_use]
+pub fn ray8(ray: &Ray) -> Ray8 {
+    let (o, d) = (ray.origin + ray.direction * ray.t_min, ray.direction);
+    let t_max = ray.t_max - ray.t_min;
+    [o.x, o.y, o.z, d.x, d.y, d.z, 0.0, t_max]
 }
 
 struct Engine<'a> {
@@ -220,7 +288,18 @@ impl Engine<'_> {
             (Kind::Obvhs(o), true) => sweep(rays, |r| o.any(r)),
             (Kind::Embree(e), false) => sweep(rays, |r| e.intersect(&embree_ray(r)).is_some()),
             (Kind::Embree(e), true) => sweep(rays, |r| e.occluded(&embree_ray(r))),
+            (Kind::Tinybvh(t), any) => t
+                .trace(rays, any, false)
+                .map_or((f64::NAN, 0), |t| (t.seconds, t.hits)),
             (Kind::Gpu(g), any) => g.time(rays, any),
+        }
+    }
+
+    /// Why nothing that the engine says counts.
+    fn failure(&self) -> Option<String> {
+        match &self.kind {
+            Kind::Tinybvh(t) => t.failure.get().map(TinybvhError::to_string),
+            _ => None,
         }
     }
 
@@ -247,6 +326,14 @@ impl Engine<'_> {
                 .iter()
                 .map(|r| e.intersect(&embree_ray(r)).map(|h| (h.t, h.primitive)))
                 .collect(),
+            Kind::Tinybvh(t) => match t.trace(rays, false, true) {
+                Some(traced) => {
+                    let hits = traced.closest.into_iter().zip(rays);
+                    hits.map(|(hit, ray)| hit.map(|(t, i)| (t + ray.t_min, i)))
+                        .collect()
+                }
+                None => vec![None; rays.len()],
+            },
             Kind::Gpu(g) => g.closest(rays),
         }
     }
@@ -262,6 +349,8 @@ pub const RAYTWIN_CPU: &str = "raytwin cpu";
 pub const RAYTWIN_WIDE: &str = "raytwin cpu, eight wide";
 /// Name of the peer that ratios are to.
 pub const EMBREE: &str = "Embree";
+/// Name of the other peer, its eight-wide tree for AVX2.
+pub const TINYBVH: &str = "tinybvh";
 
 fn open<'a>(
     with: &'a Engines<'a>,
@@ -307,6 +396,16 @@ fn open<'a>(
             let scene = EmbreeScene::new(&positions, indices, options)?;
             let build_ms = scene.build_time().as_secs_f64() * 1e3;
             add(name.into(), Some(build_ms), Kind::Embree(scene));
+        }
+    }
+    if let Some(tinybvh) = &with.tinybvh {
+        let positions: Vec<_> = positions.iter().map(|p| p.to_array()).collect();
+        match tinybvh.tree(&positions, indices, false) {
+            Ok(tree) => {
+                let build_ms = Some(tree.build_ms);
+                add(TINYBVH.into(), build_ms, Kind::Tinybvh(Peer::new(tree)));
+            }
+            Err(error) => with.fails(mesh, &error.to_string()),
         }
     }
     for traversal in &with.gpu {
@@ -493,9 +592,9 @@ pub(super) fn measure(
     Ok(engines
         .iter()
         .zip(rates)
-        .map(|(engine, mrays)| {
+        .filter_map(|(engine, mrays)| {
             let counts = compare(&subject, &set, &Judged(engine));
-            BvhRow {
+            with.counts(&scene.name, engine).then(|| BvhRow {
                 mesh: scene.name.clone(),
                 triangles: mesh.indices.len(),
                 engine: engine.name.clone(),
@@ -512,7 +611,7 @@ pub(super) fn measure(
                 false_hits: counts.false_hits,
                 disagreements: disagreements(&counts),
                 ties: counts.prim_ties,
-            }
+            })
         })
         .collect())
 }
@@ -568,7 +667,7 @@ fn aimed(scene: &Scene, count: usize) -> Vec<Ray> {
 pub(super) fn measure_builds(
     scene: &Scene,
     settings: &BvhSettings,
-    embree: bool,
+    with: &Engines<'_>,
 ) -> Result<Vec<BuildRow>, ReportError> {
     let (positions, indices) = (&scene.mesh.positions, &scene.mesh.indices);
     let mut engines: Vec<Engine<'_>> = Vec::new();
@@ -605,7 +704,7 @@ pub(super) fn measure_builds(
         kind: Kind::Obvhs(obvhs),
     });
     qualities.push(Some("Medium".into()));
-    if embree {
+    if with.embree {
         let positions: Vec<_> = positions.iter().map(|p| p.to_array()).collect();
         for (name, robust, quality) in [
             (EMBREE, false, RTCBuildQuality::MEDIUM),
@@ -630,6 +729,22 @@ pub(super) fn measure_builds(
             qualities.push(Some(name.into()));
         }
     }
+    if let Some(tinybvh) = &with.tinybvh {
+        let positions: Vec<_> = positions.iter().map(|p| p.to_array()).collect();
+        for (name, high) in [("Medium", false), ("High", true)] {
+            match tinybvh.tree(&positions, indices, high) {
+                Ok(tree) => {
+                    engines.push(Engine {
+                        name: TINYBVH.into(),
+                        build_ms: Some(tree.build_ms),
+                        kind: Kind::Tinybvh(Peer::new(tree)),
+                    });
+                    qualities.push(Some(name.into()));
+                }
+                Err(error) => with.fails(&scene.name, &error.to_string()),
+            }
+        }
+    }
     let sets = RaySets::new(scene, &reference, settings.rays);
     let rates = rates(&engines, &sets, settings.rounds);
     let subject = Subject {
@@ -641,9 +756,9 @@ pub(super) fn measure_builds(
     let set = RaySet::new(&subject, aimed(scene, settings.aimed));
     let rows = engines.iter().zip(rates).zip(qualities);
     Ok(rows
-        .map(|((engine, mrays), quality)| {
+        .filter_map(|((engine, mrays), quality)| {
             let counts = compare(&subject, &set, &Judged(engine));
-            BuildRow {
+            with.counts(&scene.name, engine).then(|| BuildRow {
                 mesh: scene.name.clone(),
                 triangles: indices.len(),
                 engine: engine.name.clone(),
@@ -654,7 +769,7 @@ pub(super) fn measure_builds(
                 aimed: set.rays.len(),
                 leaks: counts.leaks,
                 false_hits: counts.false_hits,
-            }
+            })
         })
         .collect())
 }
@@ -715,11 +830,13 @@ pub(super) fn sizes(settings: &BvhSettings) -> impl Iterator<Item = usize> + Clo
 pub(super) fn measure_growth(
     triangles: usize,
     settings: &BvhSettings,
-    embree: bool,
+    with: &Engines<'_>,
 ) -> Result<Vec<GrowthRow>, ReportError> {
     let with = Engines {
         cpu: true,
-        embree,
+        embree: with.embree,
+        tinybvh: with.tinybvh.clone(),
+        failures: with.failures.clone(),
         gpu: Vec::new(),
     };
     let scene = sphere(triangles);
@@ -728,12 +845,15 @@ pub(super) fn measure_growth(
     let engines = open(&with, &scene.name, positions, indices, &bvh, 0.0)?;
     let sets = RaySets::new(&scene, &bvh, settings.rays);
     let rates = rates(&engines, &sets, settings.rounds);
-    let rows = engines.iter().zip(rates).map(|(engine, mrays)| GrowthRow {
-        triangles: indices.len(),
-        engine: engine.name.clone(),
-        ns: 1e3 / mrays.mean(),
-    });
-    Ok(rows.collect())
+    let rows = engines.iter().zip(rates);
+    let rows = rows.filter(|(engine, _)| with.counts(&scene.name, engine));
+    Ok(rows
+        .map(|(engine, mrays)| GrowthRow {
+            triangles: indices.len(),
+            engine: engine.name.clone(),
+            ns: 1e3 / mrays.mean(),
+        })
+        .collect())
 }
 
 /// A displaced sphere that fills the picture.
@@ -781,9 +901,9 @@ pub(super) fn measure_family(
     }
     Ok(engines
         .iter()
-        .map(|engine| {
+        .filter_map(|engine| {
             let counts = compare(&subject, &set, &Judged(engine));
-            FamilyRow {
+            with.counts(&family.name, engine).then(|| FamilyRow {
                 family: family.name.clone(),
                 engine: engine.name.clone(),
                 rays: family.rays.len(),
@@ -791,7 +911,7 @@ pub(super) fn measure_family(
                 false_hits: counts.false_hits,
                 disagreements: disagreements(&counts),
                 ties: counts.prim_ties,
-            }
+            })
         })
         .collect())
 }

@@ -25,6 +25,7 @@ mod traversal;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::rc::Rc;
 
 use raytwin::contract::Kernel;
 use raytwin_tests::embree::{EmbreeError, EmbreeOptions, EmbreeScene};
@@ -35,6 +36,7 @@ use raytwin_tests::scene::{Scene, sponza_path};
 use crate::reflections::{self, ReflectionGpu, ReflectionScene, ReflectionSettings};
 use crate::sequence::{self, SequenceSettings};
 use crate::stages::{self, Backend, GpuStages, PIXELS_MAX, StageError, StageScene, StageSettings};
+use crate::tinybvh::Tinybvh;
 use passes::PassCosts;
 
 pub use error::ReportError;
@@ -114,6 +116,7 @@ struct Run<'a> {
     kernel_settings: kernels::KernelSettings,
     bvh_settings: bvh::BvhSettings,
     output: Output,
+    tinybvh: Option<Tinybvh>,
     report: Report,
 }
 
@@ -247,6 +250,13 @@ impl<'a> Run<'a> {
                 "Embree was not found, so nothing here is compared with it. {mend}"
             ));
         }
+        let tinybvh = Tinybvh::find();
+        if let Err(error) = &tinybvh {
+            warnings.push(format!(
+                "tinybvh takes no part, so nothing here is compared with it: {error}."
+            ));
+        }
+        let tinybvh = tinybvh.ok();
         if !options.cpu_only && gpus.iter().all(|g| g.is_software()) {
             warnings.push(
                 "Every adapter here is a software driver: the processor runs the GPU's programs, \
@@ -284,6 +294,7 @@ impl<'a> Run<'a> {
             },
             adapters: gpus.iter().map(|g| machine::adapter(g)).collect(),
             embree,
+            tinybvh: tinybvh.as_ref().map(|t| t.version.clone()),
             warnings,
             ..Report::default()
         };
@@ -300,6 +311,7 @@ impl<'a> Run<'a> {
             kernel_settings,
             bvh_settings,
             output,
+            tinybvh,
             report,
         })
     }
@@ -582,6 +594,8 @@ impl<'a> Run<'a> {
         let engines = bvh::Engines {
             cpu,
             embree: self.report.embree.found,
+            tinybvh: self.tinybvh.take(),
+            failures: Rc::default(),
             gpu: traversals?,
         };
         let rates = |mesh: &Scene| self.only.takes(&format!("bvh/{}", mesh.name));
@@ -607,7 +621,7 @@ impl<'a> Run<'a> {
         }
         for mesh in self.meshes.iter().filter(|m| builds(m)) {
             self.progress.step(&format!("ways to build {}", mesh.name));
-            let rows = bvh::measure_builds(mesh, &self.bvh_settings, engines.embree)?;
+            let rows = bvh::measure_builds(mesh, &self.bvh_settings, &engines)?;
             self.report.builds.extend(rows);
         }
         for mesh in self.meshes.iter().filter(|m| stacks(m)) {
@@ -621,13 +635,17 @@ impl<'a> Run<'a> {
         for triangles in sizes {
             self.progress
                 .step(&format!("rays in {triangles} triangles"));
-            let rows = bvh::measure_growth(triangles, &self.bvh_settings, engines.embree)?;
+            let rows = bvh::measure_growth(triangles, &self.bvh_settings, &engines)?;
             self.report.growth.extend(rows);
         }
         for family in &families {
             self.progress.step(&format!("hard rays: {}", family.name));
             let rows = bvh::measure_family(family, &engines)?;
             self.report.families.extend(rows);
+        }
+        for failure in engines.failures.take() {
+            self.progress.warn(&failure);
+            self.report.warnings.push(failure);
         }
         Ok(())
     }

@@ -28,6 +28,8 @@ pub struct Report {
     pub adapters: Vec<Adapter>,
     /// Whether the peer was there.
     pub embree: EmbreeInfo,
+    /// Version of tinybvh, where it takes part.
+    pub tinybvh: Option<String>,
     /// Things that a reader must know before the numbers.
     pub warnings: Vec<String>,
     /// One row a kernel.

@@ -170,6 +170,35 @@ pub fn displaced_sphere(triangles: usize) -> Mesh {
     mesh
 }
 
+/// A sitting hare of about `triangles` triangles: bumpy ellipsoids, each closed,
+/// that reach into each other; folds, thin ears, triangles of different size.
+#[must_use]
+pub fn hare(triangles: usize) -> Mesh {
+    // Share of the triangles, centre, half axes, lean in x per y.
+    type Part = (f64, [f32; 3], [f32; 3], f32);
+    const PARTS: [Part; 9] = [
+        (0.34, [0.0, 0.0, 0.0], [0.8, 0.7, 0.6], 0.1),
+        (0.2, [0.75, 0.75, 0.0], [0.42, 0.36, 0.33], 0.0),
+        (0.1, [0.45, 1.35, 0.18], [0.1, 0.5, 0.14], -0.3),
+        (0.1, [0.5, 1.35, -0.18], [0.1, 0.5, 0.14], -0.4),
+        (0.08, [-0.3, -0.3, 0.42], [0.45, 0.36, 0.22], 0.0),
+        (0.08, [-0.3, -0.3, -0.42], [0.45, 0.36, 0.22], 0.0),
+        (0.03, [0.65, -0.5, 0.25], [0.3, 0.16, 0.12], 0.0),
+        (0.03, [0.65, -0.5, -0.25], [0.3, 0.16, 0.12], 0.0),
+        (0.04, [-0.85, -0.15, 0.0], [0.2, 0.2, 0.2], 0.0),
+    ];
+    let mut mesh = Mesh::default();
+    for (share, centre, axes, lean) in PARTS {
+        let mut part = displaced_sphere((triangles as f64 * share) as usize);
+        for p in &mut part.positions {
+            let q = *p * Vec3::from_array(axes);
+            *p = Vec3::new(q.x + lean * q.y, q.y, q.z) + Vec3::from_array(centre);
+        }
+        mesh.append(&part);
+    }
+    mesh
+}
+
 /// An open field of hills, about `triangles` triangles, over `[-10, 10]²`, y up.
 #[must_use]
 pub fn terrain(triangles: usize) -> Mesh {

@@ -20,6 +20,8 @@ const EMPTY_NODE: Node = Node {
 const EMPTY_BLOCK: Block = Block {
     vertices: [[[0.0; BLOCK]; 3]; 3],
     primitives: [u32::MAX; BLOCK],
+    normals: [[0.0; BLOCK]; 3],
+    slack: 0.0,
 };
 
 /// The cheapest way to stand for a subtree.
@@ -183,7 +185,14 @@ impl Collapse<'_> {
     /// occlusion query should ask first last: large and cheap ones.
     fn children(&self, node: u32, todo: &mut Vec<(u32, usize)>, out: &mut Vec<(f32, u32)>) {
         out.clear();
-        todo.push((node, 8));
+        if self.split(node, 8).is_some() {
+            todo.push((node, 8));
+        } else {
+            // Boxes whose area is zero or too small for a number: no way is
+            // cheaper than another, and the node must not be its own child.
+            let first = self.tree.nodes[node as usize].first;
+            todo.extend([(first + 1, 4), (first, 4)]);
+        }
         while let Some((node, roots)) = todo.pop() {
             match self.split(node, roots) {
                 Some((left, right)) => {

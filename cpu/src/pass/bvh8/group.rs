@@ -234,7 +234,9 @@ fn triangles<L: Lanes, const ANY: bool>(
             splat(l, [v[1][0][k], v[1][1][k], v[1][2][k]]),
             splat(l, [v[2][0][k], v[2][1][k], v[2][2][k]]),
         ];
-        let tested = finish(l, corners, &edges, &line);
+        let n = &block.normals;
+        let normal = splat(l, [n[0][k], n[1][k], n[2][k]]);
+        let tested = finish(l, corners, normal, &edges, &line);
         let mut on_edge = l.bits(tested.on_edge) & passing;
         let hit = l.and(through, tested.hit);
         let mut found = l.bits(hit) & passing & !on_edge;

@@ -52,8 +52,8 @@ pub(super) trait Lanes: Copy {
         slopes: &Slopes,
         t_max: f32,
     ) -> BvhHit;
-    /// Asks for the cache line of something that is read soon.
-    fn prefetch<T>(self, _at: &T) {}
+    /// Asks for a cache line that may be read soon. Any address will do.
+    fn prefetch(self, _at: *const u8) {}
 }
 
 use super::walk::{self, LeafRay, Slopes};
@@ -274,8 +274,8 @@ pub(super) mod x86 {
                     unsafe { self.parallel_there::<ANY>(nodes, blocks, root, ray, slopes, t_max) }
                 }
                 #[inline(always)]
-                fn prefetch<T>(self, at: &T) {
-                    unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast()) }
+                fn prefetch(self, at: *const u8) {
+                    unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
                 }
                 $($own)*
             }

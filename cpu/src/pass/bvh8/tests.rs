@@ -164,6 +164,56 @@ fn levels(tree: &Tree) -> Vec<Bvh8> {
         .collect()
 }
 
+/// Rays from triangles, from a little before or behind them, or far ahead: what
+/// is behind a ray is left out early, and must be behind it in every bit.
+#[test]
+fn what_is_left_out_as_behind_is_behind() {
+    for scale in [1e-30, 1e-13, 1e-6, 1.0, 1e6, 1e10] {
+        let mut corners = soup(60, 5);
+        for (i, triangle) in corners.iter_mut().enumerate() {
+            if i % 4 == 0 {
+                // A needle.
+                triangle[2] = triangle[0].lerp(triangle[1], 0.4) + triangle[2] * 1e-6;
+            }
+            *triangle = triangle.map(|p| p * scale);
+        }
+        let tree = Tree::new(&corners, 4);
+        let wides = levels(&tree);
+        let mut random = Random(29);
+        let mut begins = 0;
+        for i in 0..12_000 {
+            let [a, b, c] = corners[random.word() as usize % corners.len()];
+            let weights = random.vector().abs();
+            let weights = weights / (weights.x + weights.y + weights.z);
+            let on = a * weights.x + b * weights.y + c * weights.z;
+            let direction = random.vector();
+            let steps = [0.0, 1e-8, -1e-8, 1e-6, -1e-6, 1e-4, 1e-2, -1e-3];
+            let ray = Ray {
+                origin: on + direction * (steps[i % 8] * scale),
+                direction,
+                t_min: [0.0, -0.0, -0.5 * scale, 1e-4 * scale, 1e-38][i % 5],
+                t_max: f32::MAX,
+            };
+            let truth = ask_all(&corners, &ray, Faces::Both);
+            for wide in &wides {
+                let name = wide.level().name();
+                assert_eq!(
+                    bits(wide.closest(&ray)),
+                    bits(truth),
+                    "{name} {scale} {ray:?}"
+                );
+                assert_eq!(wide.any(&ray), truth.primitive != BVH_MISS, "{name}");
+            }
+            begins += usize::from(truth.t.abs() < 1e-3 * scale);
+        }
+        // At the smallest scale products are zero, and nothing is hit.
+        assert!(
+            scale < 1e-20 || begins > 100,
+            "{begins} hits at the start of rays"
+        );
+    }
+}
+
 #[test]
 fn every_level_is_every_triangle_asked() {
     for (n, leaf) in [

@@ -310,25 +310,6 @@ fn dot<L: Lanes>(l: L, a: Wide<L>, b: Wide<L>) -> L::F {
     l.add(l.add(l.mul(a.x, b.x), l.mul(a.y, b.y)), l.mul(a.z, b.z))
 }
 
-/// `vec3_cross`.
-#[inline(always)]
-fn cross<L: Lanes>(l: L, a: Wide<L>, b: Wide<L>) -> Wide<L> {
-    Wide {
-        x: l.sub(l.mul(a.y, b.z), l.mul(a.z, b.y)),
-        y: l.sub(l.mul(a.z, b.x), l.mul(a.x, b.z)),
-        z: l.sub(l.mul(a.x, b.y), l.mul(a.y, b.x)),
-    }
-}
-
-#[inline(always)]
-fn select<L: Lanes>(l: L, mask: L::M, yes: Wide<L>, no: Wide<L>) -> Wide<L> {
-    Wide {
-        x: l.select(mask, yes.x, no.x),
-        y: l.select(mask, yes.y, no.y),
-        z: l.select(mask, yes.z, no.z),
-    }
-}
-
 /// One axis of the slab of the triangles' own boxes.
 #[inline(always)]
 fn slab_axis<L: Lanes>(l: L, low: L::F, high: L::F, pad: L::F, inverse: L::F) -> (L::F, L::F) {
@@ -416,6 +397,7 @@ pub(super) struct Tested<L: Lanes> {
 pub(super) fn finish<L: Lanes>(
     l: L,
     corners: [Wide<L>; 3],
+    normal: Wide<L>,
     edges: &Edges<L>,
     ray: &Line<L>,
 ) -> Tested<L> {
@@ -454,15 +436,7 @@ pub(super) fn finish<L: Lanes>(
     let u = l.min(one, l.max(zero, l.div(eb, divisor)));
     let v = l.min(one, l.max(zero, l.div(ec, divisor)));
 
-    let (ab, bc, ca) = (minus(l, b, a), minus(l, c, b), minus(l, a, c));
-    let length_ab = dot(l, ab, ab);
-    let length_bc = dot(l, bc, bc);
-    let length_ca = dot(l, ca, ca);
-    let ca_longest = l.and(l.le(length_ab, length_ca), l.le(length_bc, length_ca));
-    let ab_longer = l.le(length_bc, length_ab);
-    let first = select(l, ca_longest, ab, select(l, ab_longer, bc, ca));
-    let second = select(l, ca_longest, bc, select(l, ab_longer, ca, ab));
-    let normal = cross(l, first, second);
+    let (ab, ca) = (minus(l, b, a), minus(l, a, c));
     let point = Wide::<L> {
         x: l.sub(l.add(la.x, l.mul(ab.x, u)), l.mul(ca.x, v)),
         y: l.sub(l.add(la.y, l.mul(ab.y, u)), l.mul(ca.y, v)),
@@ -507,6 +481,66 @@ fn unmasked(block: &Block, filter: &Filter<'_>, through: u32) -> u32 {
     })
 }
 
+/// Those of some triangles that are behind the ray for certain, such as the
+/// one that it starts from. The rest of the test would find that too, but it is
+/// three quarters of the work.
+///
+/// The answer of [`finish`] is `max(near, min(far, along))`, with `along` either
+/// `near` or the quotient of `n · P` and `n · d`. So it is before `t_min`, if that
+/// is not negative, where `near` is, and the quotient is negative.
+///
+/// - `near` is the largest over the axes of the least product of a plane of the
+///   triangle's box and the reciprocal. Subtractions and products are monotone
+///   and the box holds the vertices, so it is at most the same of the vertices.
+/// - `n · d` is what `finish` has. `n · P` is not known yet, but `n · A` for a vertex
+///   A is, both relative to the origin. With `u = 2^-24` and L the longest
+///   component of a side: P is `A + u ab - v ca` but for `4u (|A| + 2L)` a component,
+///   with weights in `[0, 1]`; n is across the sides but for `6u L^2` a component,
+///   so `n · ab` and `n · ca` are at most `40u L^3`; the sums of three err by `4u` of
+///   what they add. With `R = sum |n A|` all that is below `188u L^3 + 13u R`. The
+///   test has 256 and 16, and adds 2^-120 for numbers below the normal ones and
+///   `2^-100 |n · d|`, so that the quotient does not become zero.
+#[inline(always)]
+fn behind<L: Lanes>(
+    l: L,
+    block: &Block,
+    [a, b, c]: [Wide<L>; 3],
+    normal: Wide<L>,
+    ray: &LeafRay<'_>,
+    through: u32,
+) -> u32 {
+    const SLACK: f32 = 1.0 / 1_048_576.0;
+    const SLACK_QUOTIENT: f32 = f32::from_bits((127 - 100) << 23);
+    let origin = splat_wide(l, ray.shear.origin);
+    let la = minus(l, a, origin);
+    let x = l.mul(normal.x, la.x);
+    let y = l.mul(normal.y, la.y);
+    let z = l.mul(normal.z, la.z);
+    let height = l.add(l.add(x, y), z);
+    let along = dot(l, normal, splat_wide(l, ray.shear.direction));
+    let opposite = l.lt(l.mul(height, along), l.splat(0.0));
+    let found = l.bits(opposite) & through;
+    if found == 0 || ray.t_min < 0.0 {
+        return 0;
+    }
+    let (lb, lc) = (minus(l, b, origin), minus(l, c, origin));
+    let inverse = splat_wide(l, ray.shear.inverse);
+    let least = |a, b, c, inverse| min3(l, l.mul(a, inverse), l.mul(b, inverse), l.mul(c, inverse));
+    let near = max3(
+        l,
+        least(la.x, lb.x, lc.x, inverse.x),
+        least(la.y, lb.y, lc.y, inverse.y),
+        least(la.z, lb.z, lc.z, inverse.z),
+    );
+    let sum = l.add(l.add(l.abs(x), l.abs(y)), l.abs(z));
+    let slack = l.add(
+        l.add(l.mul(sum, l.splat(SLACK)), l.splat(block.slack)),
+        l.mul(l.abs(along), l.splat(SLACK_QUOTIENT)),
+    );
+    let certain = l.and(l.lt(near, l.splat(ray.t_min)), l.lt(slack, l.abs(height)));
+    found & l.bits(certain)
+}
+
 /// Tests a block's triangles, eight at a time.
 #[inline(always)]
 pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay<'_>, best: &mut BvhHit) {
@@ -540,6 +574,11 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay<'_>, best: &mut 
         vertex(l, &block.vertices[1]),
         vertex(l, &block.vertices[2]),
     ];
+    let normal = vertex(l, &block.normals);
+    through &= !behind(l, block, corners, normal, ray, through);
+    if through == 0 {
+        return;
+    }
     let line = Line {
         origin: splat_wide(l, ray.shear.origin),
         direction: splat_wide(l, ray.shear.direction),
@@ -548,7 +587,7 @@ pub(super) fn leaf<L: Lanes>(l: L, block: &Block, ray: &LeafRay<'_>, best: &mut 
         t_min: l.splat(ray.t_min),
         t_max: l.splat(best.t),
     };
-    let tested = finish(l, corners, &edges, &line);
+    let tested = finish(l, corners, normal, &edges, &line);
     let on_edge = through & l.bits(tested.on_edge);
     if on_edge != 0 {
         leaf_scalar(block, ray, on_edge, best);
@@ -605,20 +644,21 @@ pub(super) fn leaf_scalar(block: &Block, ray: &LeafRay<'_>, mut through: u32, be
     }
 }
 
-/// Asks for all cache lines of a child that waits for its turn.
+/// Puts a child on the stack and asks for its first four cache lines, which
+/// for a node are all. No branch: whether it is a node nobody foresees.
 #[inline(always)]
-fn fetch<L: Lanes>(l: L, nodes: &[Node], blocks: &[Block], child: u32) {
-    if child & LEAF == 0 {
-        if let Some(node) = nodes.get(child as usize) {
-            for planes in &node.planes {
-                l.prefetch(planes);
-            }
-            l.prefetch(&node.children);
-        }
-    } else if let Some(block) = blocks.get((child & !LEAF) as usize) {
-        for (vertex, axis) in [(0, 0), (0, 2), (1, 1), (2, 0), (2, 2)] {
-            l.prefetch(&block.vertices[vertex][axis]);
-        }
+fn postpone<L: Lanes>(l: L, nodes: &[Node], blocks: &[Block], stack: &mut Stack, entry: Entry) {
+    stack.push(entry);
+    let child = entry as u32;
+    let block = blocks.as_ptr().wrapping_add((child & !LEAF) as usize);
+    let node = nodes.as_ptr().wrapping_add(child as usize);
+    let at: *const u8 = if child & LEAF == 0 {
+        node.cast()
+    } else {
+        block.cast()
+    };
+    for line in 0..4 {
+        l.prefetch(at.wrapping_add(64 * line));
     }
 }
 
@@ -681,12 +721,6 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
             if mask == 0 {
                 break;
             }
-            let mut later = mask & (mask - 1);
-            while later != 0 {
-                let k = (later.trailing_zeros() & 7) as usize;
-                later &= later - 1;
-                fetch(l, nodes, blocks, node.children[k]);
-            }
             let mut starts = Row([0.0; 8]);
             l.store(start, &mut starts.0);
             let (a, last) = next(&mut mask, &starts.0, node);
@@ -698,7 +732,7 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
                 // The children with the largest boxes come last: those first.
                 let mut a = a;
                 loop {
-                    stack.push(a);
+                    postpone(l, nodes, blocks, &mut stack, a);
                     let (b, last) = next(&mut mask, &starts.0, node);
                     a = b;
                     if last {
@@ -710,7 +744,7 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
             let (b, last) = next(&mut mask, &starts.0, node);
             let (a, b) = ordered(a, b);
             if last {
-                stack.push(b);
+                postpone(l, nodes, blocks, &mut stack, b);
                 at = a as u32;
                 continue;
             }
@@ -718,8 +752,8 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
             let (a, c) = ordered(a, c);
             let (b, c) = ordered(b, c);
             if last {
-                stack.push(c);
-                stack.push(b);
+                postpone(l, nodes, blocks, &mut stack, c);
+                postpone(l, nodes, blocks, &mut stack, b);
                 at = a as u32;
                 continue;
             }
@@ -742,7 +776,7 @@ pub(super) fn walk_planes<L: Lanes, const ANY: bool, const FUSED: bool>(
                 }
             }
             for &entry in many[1..count].iter().rev() {
-                stack.push(entry);
+                postpone(l, nodes, blocks, &mut stack, entry);
             }
             at = many[0] as u32;
             continue 'down;
