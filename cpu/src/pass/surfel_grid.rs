@@ -166,6 +166,27 @@ impl SurfelGridPass {
         }
     }
 
+    /// The cells.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// assert_eq!(SurfelGridPass::new(grid, 100).grid(), grid);
+    /// ```
+    #[must_use]
+    pub fn grid(&self) -> SurfelGrid {
+        self.grid
+    }
+
     /// First entry and length of the list that a point looks up.
     ///
     /// ```
