@@ -768,7 +768,7 @@ fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Mar
             div.scroll { table {
                 thead { tr {
                     th.left { "Event" } th { "Slots" } th { "Frame" } th { "Surfels" } th { "RMSE" } th { "without bounces" }
-                    th { "FLIP" } th { "Mean over the true one" } th { "ms" }
+                    th { "FLIP" } th { "Bare" } th { "Mean over the true one" } th { "ms" }
                 } }
                 tbody { @for r in report.surfels.iter().filter(|r| r.scene == scene) { tr {
                     td.left { (r.event) }
@@ -778,6 +778,7 @@ fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Mar
                     td { (number(r.rmse)) }
                     td { (number(r.direct_rmse)) }
                     td { (number(r.flip)) }
+                    td { (number(r.bare)) }
                     td { (number(r.mean)) }
                     td { (number(r.ms)) }
                 } } }

@@ -183,19 +183,6 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             (9, 5, 10),
             (u32::MAX, 5, 10),
             (0, u32::MAX, u32::MAX),
-            // A quarter free, and one slot less; small pools and the largest.
-            (48, 64, 600),
-            (49, 64, 600),
-            (63, 64, 600),
-            (0, 1, 600),
-            (2, 3, 65_535),
-            (750, 1000, 600),
-            (1535, 2047, 600),
-            (187_501, 250_000, 600),
-            (0xbfff_ffff, u32::MAX, 65_535),
-            (0xc000_0000, u32::MAX, 65_535),
-            (0xe000_0000, u32::MAX, 600),
-            (0xffff_fffe, u32::MAX, 65_535),
         ])
         .fixture(FIXTURE, vec![0])
         .source(OURS)
