@@ -1249,3 +1249,114 @@ fn cover_pixel(
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::pcg::pcg_hash;
+
+    fn random(i: u32) -> f32 {
+        (pcg_hash(i) >> 8) as f32 / 16_777_216.0
+    }
+
+    fn surfel(i: u32) -> Surfel {
+        Surfel {
+            position: Vec3::new(random(3 * i), random(3 * i + 1), random(3 * i + 2)),
+            radius: 0.1,
+            normal: if i.is_multiple_of(2) {
+                Vec3::Y
+            } else {
+                Vec3::X
+            },
+            mesh: i % 2,
+        }
+    }
+
+    /// What the copies give is what the pool and the grid's lists give.
+    fn compare(pass: &SurfelPass) -> usize {
+        let grid = pass.grid();
+        let slot = |entry| grid.entry(entry) as usize;
+        let mut lit = 0;
+        for i in 0..300 {
+            let near = surfel(i);
+            let point = near.position + Vec3::splat(0.03);
+            let expected = surfel_gather(
+                point,
+                near.normal,
+                grid.list(point),
+                |entry| pass.surfels()[slot(entry)],
+                |entry| pass.irradiances()[slot(entry)],
+            );
+            let found = pass.gather(point, near.normal);
+            assert_eq!(found.irradiance, expected.irradiance);
+            assert_eq!(found.weight.to_bits(), expected.weight.to_bits());
+            lit += usize::from(found.irradiance.x > 0.0);
+        }
+        lit
+    }
+
+    #[test]
+    fn copies_follow_the_pool() {
+        let settings = SurfelSettings {
+            patience: 3,
+            budget: 200,
+            ..SurfelSettings::default()
+        };
+        let sky = |_, _| {
+            Some(SurfelHit {
+                position: Vec3::splat(9.0),
+                normal: Vec3::NEG_Y,
+                albedo: Vec3::ZERO,
+                emission: Vec3::ONE,
+            })
+        };
+        let pose = SurfelIrradiancePose {
+            x: Vec3::X,
+            y: Vec3::Y,
+            z: Vec3::Z,
+            origin: Vec3::ZERO,
+        };
+        // Dense, hashed, with levels; and one whose lists have no room.
+        for (size, reach, entries) in [
+            (UVec3::splat(8), 0.0, 100_000),
+            (UVec3::ZERO, 0.0, 100_000),
+            (UVec3::ZERO, 2.0, 100_000),
+            (UVec3::ZERO, 0.0, 900),
+        ] {
+            let grid = SurfelGrid {
+                origin: Vec3::splat(-0.3),
+                inverse_cell: 5.0,
+                size,
+                slots: 512,
+                inverse_reach: reach,
+            };
+            let mut pass = SurfelPass::new(settings, grid, 600, entries);
+            assert_eq!(compare(&pass), 0);
+            let mut lit = 0;
+            for frame in 0..12 {
+                pass.recycle();
+                compare(&pass);
+                for i in 0..60 {
+                    pass.insert(surfel(60 * (frame % 5) + i));
+                }
+                compare(&pass);
+                pass.build();
+                compare(&pass);
+                let moved = Vec3::splat(0.01);
+                pass.follow(
+                    1,
+                    pose,
+                    SurfelIrradiancePose {
+                        origin: moved,
+                        ..pose
+                    },
+                );
+                compare(&pass);
+                pass.update(sky, |_| Vec3::ZERO);
+                lit = compare(&pass);
+            }
+            assert!(lit > 30, "{lit}");
+            assert!(pass.statistics().recycled > 0);
+        }
+    }
+}
