@@ -1011,7 +1011,7 @@ fn hall_trace(tree: &Bvh, origin: Vec3, direction: Vec3) -> Option<SurfelHit> {
         return None;
     }
     let face = hit.primitive / 2 % 6;
-    let inward = (face % 2 == 0) == (hit.primitive < 12);
+    let inward = face.is_multiple_of(2) == (hit.primitive < 12);
     let mut normal = Vec3::ZERO;
     normal[face as usize / 2] = if inward { 1.0 } else { -1.0 };
     let glow = if hit.primitive == 6 { 0.25 } else { 0.0 };
