@@ -102,6 +102,27 @@ fn programs() -> Result<Vec<Program>, LinkError> {
     all.push(program("pass surfel".into(), surfels));
     let grid = wgsl::link(&["gi/surfel_grid"])? + bindings("gi/surfel") + wgsl::pass::SURFEL_GRID;
     all.push(program("pass surfel_grid".into(), grid));
+    // Rays through ray/bvh.
+    let sky = "
+fn surfel_irradiance_trace(origin: vec3f, direction: vec3f) -> SurfelIrradianceHit {
+    let hit = bvh_closest(Ray(origin, direction, 0.0, 1e30));
+    let found = select(0u, 1u, hit.primitive != BVH_MISS);
+    let half = vec3f(0.5, 0.5, 0.5);
+    return SurfelIrradianceHit(origin + direction * hit.t, found, -direction, half, half);
+}
+fn surfel_irradiance_direct(hit: SurfelIrradianceHit) -> vec3f {
+    let lit = bvh_any(Ray(hit.position, vec3f(0.0, 1.0, 0.0), 0.001, 1e30)) == 0u;
+    return select(vec3f(0.0, 0.0, 0.0), hit.albedo, lit);
+}
+";
+    let light = [
+        "gi/surfel_irradiance",
+        "gi/surfel_grid",
+        "temporal/multiscale_mean",
+        "ray/bvh",
+    ];
+    let light = wgsl::link(&light)? + bindings("ray/bvh") + wgsl::pass::SURFEL_IRRADIANCE + sky;
+    all.push(program("pass surfel_irradiance".into(), light));
     Ok(all)
 }
 

@@ -3,11 +3,17 @@
 //! whole whatever it is shown.
 
 use glam::{UVec3, Vec2, Vec3};
-use raytwin::cpu::pass::surfel::{SurfelHit, SurfelPass, SurfelPixel, SurfelSettings, SurfelView};
+use raytwin::cpu::pass::surfel::{
+    SurfelHit, SurfelPass, SurfelPixel, SurfelSettings, SurfelStatistics, SurfelView,
+};
 use raytwin::gi::surfel::{SURFEL_WALK, Surfel, surfel_sound};
 use raytwin::gi::surfel_grid::SurfelGrid;
 use raytwin::gi::surfel_irradiance::SURFEL_IRRADIANCE_ALBEDO;
+use raytwin::math::vector::vec3_dot;
+use raytwin::ray::bvh::{BVH_MISS, bvh_any, bvh_closest};
+use raytwin::ray::bvh_build::{BuildQuality, Bvh};
 use raytwin::ray::camera::{Camera, camera_ray};
+use raytwin::ray::ray::Ray;
 use raytwin_tests::gpu::{Build, Gpu, adapters, entry_module};
 use std::f32::consts::PI;
 
@@ -625,7 +631,7 @@ struct GpuPool<'a> {
     settings: SurfelSettings,
     grid: SurfelGrid,
     /// Pass, its bind group and its pipeline.
-    passes: Vec<(wgpu::BindGroup, wgpu::ComputePipeline)>,
+    passes: Vec<Pass>,
     uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
     pixels: wgpu::Buffer,
@@ -634,6 +640,9 @@ struct GpuPool<'a> {
     free: wgpu::Buffer,
     counts: wgpu::Buffer,
     lost: wgpu::Buffer,
+    first: wgpu::Buffer,
+    lengths: wgpu::Buffer,
+    list: wgpu::Buffer,
 }
 
 const GRID_PASSES: [&str; 4] = ["count", "sum", "scatter", "sort"];
@@ -648,6 +657,30 @@ fn words_of_surfels(surfels: &[Surfel]) -> Vec<u32> {
         })
         .collect()
 }
+
+fn uniform(gpu: &Gpu, size: u64) -> wgpu::Buffer {
+    gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn words_of_grid(g: SurfelGrid) -> Vec<u32> {
+    let mut words: Vec<u32> = g.origin.to_array().map(f32::to_bits).into();
+    words.push(g.inverse_cell.to_bits());
+    words.extend([g.size.x, g.size.y, g.size.z, g.slots]);
+    words.extend([g.inverse_reach.to_bits(), 0, 0, 0]);
+    words
+}
+
+fn bytes(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|w| w.to_le_bytes()).collect()
+}
+
+/// Bind groups by number, and a pipeline.
+type Pass = (Vec<(u32, wgpu::BindGroup)>, wgpu::ComputePipeline);
 
 impl<'a> GpuPool<'a> {
     fn new(
@@ -672,14 +705,6 @@ impl<'a> GpuPool<'a> {
             normal: Vec3::Z,
             mesh: 0,
         };
-        let uniform = |size| {
-            gpu.device().create_buffer(&wgpu::BufferDescriptor {
-                label: None,
-                size,
-                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
         let mut made = Self {
             gpu,
             capacity,
@@ -687,20 +712,20 @@ impl<'a> GpuPool<'a> {
             settings,
             grid,
             passes: Vec::new(),
-            uniform: uniform(176),
-            grid_uniform: uniform(64),
+            uniform: uniform(gpu, 176),
+            grid_uniform: uniform(gpu, 64),
             pixels: gpu.buffer(&vec![0; (width * height * 8) as usize]),
             surfels: gpu.buffer(&words_of_surfels(&vec![empty; capacity as usize])),
             unseen: gpu.buffer(&vec![0; capacity as usize]),
             free: gpu.buffer(&vec![0; capacity as usize + 4]),
             counts: gpu.buffer(&vec![0; slots]),
             lost: gpu.buffer(&[0; 2]),
+            first: gpu.buffer(&vec![0; slots]),
+            lengths: gpu.buffer(&vec![0; slots]),
+            list: gpu.buffer(&vec![0; entries as usize]),
         };
         let tiles = width.div_ceil(16) * height.div_ceil(16);
         let keys = gpu.buffer(&vec![0; tiles as usize]);
-        let first = gpu.buffer(&vec![0; slots]);
-        let lengths = gpu.buffer(&vec![0; slots]);
-        let list = gpu.buffer(&vec![0; entries as usize]);
         // True: read only. The uniform comes first.
         let of_pool = [
             (&made.uniform, true),
@@ -709,74 +734,92 @@ impl<'a> GpuPool<'a> {
             (&made.unseen, false),
             (&made.free, false),
             (&keys, false),
-            (&first, true),
-            (&lengths, true),
-            (&list, true),
+            (&made.first, true),
+            (&made.lengths, true),
+            (&made.list, true),
         ];
         let of_lists = [
             (&made.grid_uniform, true),
             (&made.surfels, true),
-            (&first, false),
+            (&made.first, false),
             (&made.counts, false),
-            (&list, false),
+            (&made.list, false),
             (&made.lost, false),
-            (&lengths, false),
+            (&made.lengths, false),
         ];
-        let mut passes = vec![made.pass(&pool, "surfel_pass_recycle", &of_pool)];
+        let mut passes = vec![made.pass(&pool, "surfel_pass_recycle", &of_pool, &[])];
         for name in GRID_PASSES {
             let name = format!("surfel_grid_pass_{name}");
-            passes.push(made.pass(&lists, &name, &of_lists));
+            passes.push(made.pass(&lists, &name, &of_lists, &[]));
         }
-        passes.push(made.pass(&pool, "surfel_pass_cover", &of_pool));
-        passes.push(made.pass(&pool, "surfel_pass_spawn", &of_pool));
+        passes.push(made.pass(&pool, "surfel_pass_cover", &of_pool, &[]));
+        passes.push(made.pass(&pool, "surfel_pass_spawn", &of_pool, &[]));
         made.passes = passes;
         made
     }
 
+    /// An entry point; what its uniform and its pool are, and in group 2 the
+    /// scene that it reads.
     fn pass(
         &self,
         source: &str,
         entry: &str,
         buffers: &[(&wgpu::Buffer, bool)],
-    ) -> (wgpu::BindGroup, wgpu::ComputePipeline) {
+        scene: &[(&wgpu::Buffer, bool)],
+    ) -> Pass {
         let device = self.gpu.device();
         // Where there is no precise build, the processor's bits are not promised.
         let module = entry_module(self.gpu, entry, source, Build::Precise, entry)
             .unwrap_or_else(|e| panic!("{entry}: {e}"));
-        let kind = |binding: usize, read_only| match binding {
-            0 => wgpu::BufferBindingType::Uniform,
-            _ => wgpu::BufferBindingType::Storage { read_only },
-        };
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &(0u32..)
+        let layout = |buffers: &[(&wgpu::Buffer, bool)], first_uniform: bool| {
+            let entries: Vec<_> = (0u32..)
                 .zip(buffers)
                 .map(|(binding, b)| wgpu::BindGroupLayoutEntry {
                     binding,
                     visibility: wgpu::ShaderStages::COMPUTE,
                     ty: wgpu::BindingType::Buffer {
-                        ty: kind(binding as usize, b.1),
+                        ty: if first_uniform && binding == 0 {
+                            wgpu::BufferBindingType::Uniform
+                        } else {
+                            wgpu::BufferBindingType::Storage { read_only: b.1 }
+                        },
                         has_dynamic_offset: false,
                         min_binding_size: None,
                     },
                     count: None,
                 })
-                .collect::<Vec<_>>(),
-        });
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &layout,
-            entries: &(0u32..)
+                .collect();
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: None,
+                entries: &entries,
+            })
+        };
+        let group = |layout: &wgpu::BindGroupLayout, buffers: &[(&wgpu::Buffer, bool)]| {
+            let entries: Vec<_> = (0u32..)
                 .zip(buffers)
                 .map(|(binding, b)| wgpu::BindGroupEntry {
                     binding,
                     resource: b.0.as_entire_binding(),
                 })
-                .collect::<Vec<_>>(),
-        });
+                .collect();
+            device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout,
+                entries: &entries,
+            })
+        };
+        let of_pool = layout(buffers, true);
+        let mut groups = vec![(0, group(&of_pool, buffers))];
+        let mut layouts = vec![Some(&of_pool)];
+        let (nothing, of_scene) = (layout(&[], false), layout(scene, false));
+        if !scene.is_empty() {
+            groups.push((1, group(&nothing, &[])));
+            groups.push((2, group(&of_scene, scene)));
+            layouts.extend([Some(&nothing), Some(&of_scene)]);
+        }
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
-            bind_group_layouts: &[Some(&layout)],
+            bind_group_layouts: &layouts,
             immediate_size: 0,
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -787,21 +830,15 @@ impl<'a> GpuPool<'a> {
             compilation_options: Default::default(),
             cache: None,
         });
-        (group, pipeline)
+        (groups, pipeline)
     }
 
     /// One frame; free slots at its start, recycled, spawned, dropped.
     fn frame(&self, frame: u32, view: SurfelView<'_>) -> Vec<u32> {
         let queue = self.gpu.queue();
-        let bytes =
-            |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|w| w.to_le_bytes()).collect() };
         let (g, c, s) = (self.grid, view.camera, self.settings);
         let vector = |v: Vec3| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits()];
-        let mut lists = Vec::new();
-        lists.extend(vector(g.origin));
-        lists.push(g.inverse_cell.to_bits());
-        lists.extend([g.size.x, g.size.y, g.size.z, g.slots]);
-        lists.extend([g.inverse_reach.to_bits(), 0, 0, 0]);
+        let mut lists = words_of_grid(g);
         let height = view.pixels.len() as u32 / view.width;
         let mut words = Vec::new();
         for v in [c.origin, c.right, c.up, c.forward] {
@@ -843,16 +880,203 @@ impl<'a> GpuPool<'a> {
             (view.width.div_ceil(16), height.div_ceil(16)),
             (1, 1),
         ];
-        for ((group, pipeline), (x, y)) in self.passes.iter().zip(groups) {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(x, y, 1);
-        }
+        dispatch(&mut encoder, &self.passes, &groups);
         queue.submit([encoder.finish()]);
         self.gpu.read(&self.free, 4)
     }
 }
+
+fn dispatch(encoder: &mut wgpu::CommandEncoder, passes: &[Pass], groups: &[(u32, u32)]) {
+    for ((bound, pipeline), (x, y)) in passes.iter().zip(groups) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        for (at, group) in bound {
+            pass.set_bind_group(*at, group, &[]);
+        }
+        pass.dispatch_workgroups(*x, *y, 1);
+    }
+}
+
+/// The light of a pool: the passes of `gi/surfel_irradiance`, which trace rays
+/// through `ray/bvh`.
+struct GpuLight {
+    passes: Vec<Pass>,
+    uniform: wgpu::Buffer,
+    irradiances: wgpu::Buffer,
+}
+
+impl GpuLight {
+    fn new(pool: &GpuPool<'_>, tree: &Bvh) -> Self {
+        let gpu = pool.gpu;
+        let modules = [
+            "gi/surfel_irradiance",
+            "gi/surfel_grid",
+            "temporal/multiscale_mean",
+            "ray/bvh",
+        ];
+        let source = raytwin::wgsl::link(&modules).expect("registered")
+            + raytwin::wgsl::module("ray/bvh")
+                .and_then(|m| m.bindings)
+                .expect("has bindings")
+            + raytwin::wgsl::pass::SURFEL_IRRADIANCE
+            + HALL_WGSL;
+        let capacity = pool.capacity as usize;
+        let uniform = uniform(gpu, 80);
+        let lights = gpu.buffer(&vec![0; capacity * 24]);
+        let irradiances = gpu.buffer(&vec![0; capacity * 4]);
+        let nodes = gpu.buffer(&tree.node_words());
+        let triangles = gpu.buffer(&tree.triangle_words());
+        let buffers = [
+            (&uniform, true),
+            (&pool.surfels, true),
+            (&pool.free, true),
+            (&lights, false),
+            (&irradiances, false),
+            (&pool.first, true),
+            (&pool.lengths, true),
+            (&pool.list, true),
+        ];
+        let scene = [(&nodes, true), (&triangles, true)];
+        let passes = ["begin", "share", "trace", "end"].map(|name| {
+            let entry = format!("surfel_irradiance_pass_{name}");
+            pool.pass(&source, &entry, &buffers, &scene)
+        });
+        Self {
+            passes: passes.into(),
+            uniform,
+            irradiances,
+        }
+    }
+
+    /// The light of a frame, after the pool's.
+    fn frame(&self, pool: &GpuPool<'_>, frame: u32) -> Vec<u32> {
+        let s = pool.settings;
+        let mut words = words_of_grid(pool.grid);
+        words.extend([pool.capacity, frame, s.rays, s.budget]);
+        words.extend([s.longest.to_bits(), 0, 0, 0]);
+        let queue = pool.gpu.queue();
+        queue.write_buffer(&self.uniform, 0, &bytes(&words));
+        let mut encoder = pool
+            .gpu
+            .device()
+            .create_command_encoder(&Default::default());
+        let each = pool.capacity.div_ceil(64);
+        dispatch(
+            &mut encoder,
+            &self.passes,
+            &[(each, 1), (1, 1), (each, 1), (each, 1)],
+        );
+        queue.submit([encoder.finish()]);
+        pool.gpu.read(&self.irradiances, pool.capacity as usize * 4)
+    }
+}
+
+/// The room's six walls and a block in it, two triangles a face.
+fn hall() -> Bvh {
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    let boxes = [
+        (Vec3::ZERO, Vec3::ONE),
+        (Vec3::new(0.375, 0.125, 0.375), Vec3::new(0.625, 0.25, 0.75)),
+    ];
+    for (low, high) in boxes {
+        for face in 0..6 {
+            let (axis, side) = (face / 2, face % 2);
+            let base = positions.len() as u32;
+            for corner in 0..4 {
+                let mut at = if side == 0 { low } else { high };
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                at[u] = if corner & 1 == 0 { low[u] } else { high[u] };
+                at[v] = if corner & 2 == 0 { low[v] } else { high[v] };
+                positions.push(at);
+            }
+            triangles.push([base, base + 1, base + 2]);
+            triangles.push([base + 1, base + 3, base + 2]);
+        }
+    }
+    Bvh::build(&positions, &triangles, BuildQuality::Medium).expect("a mesh")
+}
+
+const LAMP: Vec3 = Vec3::new(0.5, 0.875, 0.25);
+
+fn hall_trace(tree: &Bvh, origin: Vec3, direction: Vec3) -> Option<SurfelHit> {
+    let ray = Ray {
+        origin,
+        direction,
+        t_min: 0.0,
+        t_max: 100.0,
+    };
+    let hit = bvh_closest(&tree.view(), ray);
+    if hit.primitive == BVH_MISS {
+        return None;
+    }
+    let face = hit.primitive / 2 % 6;
+    let inward = face.is_multiple_of(2) == (hit.primitive < 12);
+    let mut normal = Vec3::ZERO;
+    normal[face as usize / 2] = if inward { 1.0 } else { -1.0 };
+    let glow = if hit.primitive == 6 { 0.25 } else { 0.0 };
+    Some(SurfelHit {
+        position: origin + direction * hit.t,
+        normal,
+        albedo: Vec3::new(0.5 + 0.0625 * face as f32, 0.5, 0.75),
+        emission: Vec3::new(glow, glow, 0.0),
+    })
+}
+
+fn hall_direct(tree: &Bvh, hit: &SurfelHit) -> Vec3 {
+    let to = LAMP - hit.position;
+    let cosine = vec3_dot(to, hit.normal);
+    let shadow = Ray {
+        origin: hit.position + hit.normal * 0.0009765625,
+        direction: to,
+        t_min: 0.0,
+        t_max: 1.0,
+    };
+    if cosine <= 0.0 || bvh_any(&tree.view(), shadow) == 1 {
+        return Vec3::ZERO;
+    }
+    let squared = vec3_dot(to, to);
+    Vec3::splat(cosine / (squared * squared.sqrt()))
+}
+
+/// The same for an adapter.
+const HALL_WGSL: &str = "
+fn surfel_irradiance_trace(origin: vec3f, direction: vec3f) -> SurfelIrradianceHit {
+    let hit = bvh_closest(Ray(origin, direction, 0.0, 100.0));
+    if hit.primitive == BVH_MISS {
+        let zero = vec3f(0.0, 0.0, 0.0);
+        return SurfelIrradianceHit(zero, 0u, zero, zero, zero);
+    }
+    let face = (hit.primitive / 2u) % 6u;
+    let inward = (face % 2u == 0u) == (hit.primitive < 12u);
+    let side = select(-1.0, 1.0, inward);
+    let axis = face / 2u;
+    let normal = vec3f(
+        select(0.0, side, axis == 0u),
+        select(0.0, side, axis == 1u),
+        select(0.0, side, axis == 2u),
+    );
+    let glow = select(0.0, 0.25, hit.primitive == 6u);
+    return SurfelIrradianceHit(
+        origin + direction * hit.t,
+        1u,
+        normal,
+        vec3f(0.5 + 0.0625 * f32(face), 0.5, 0.75),
+        vec3f(glow, glow, 0.0),
+    );
+}
+
+fn surfel_irradiance_direct(hit: SurfelIrradianceHit) -> vec3f {
+    let to = vec3f(0.5, 0.875, 0.25) - hit.position;
+    let cosine = vec3_dot(to, hit.normal);
+    let shadow = Ray(hit.position + hit.normal * 0.0009765625, to, 0.0, 1.0);
+    if cosine <= 0.0 || bvh_any(shadow) == 1u {
+        return vec3f(0.0, 0.0, 0.0);
+    }
+    let squared = vec3_dot(to, to);
+    return vec3f(cosine / (squared * sqrt(squared)));
+}
+";
 
 /// A camera that flies through the room and turns; some of what it sees is no
 /// surface, some is broken.
@@ -937,6 +1161,68 @@ fn an_adapter_has_the_same_surfels_after_64_frames() {
                 (total[0] > 0, total[2] > 0),
                 (patience < 100, capacity == 60)
             );
+        }
+    }
+}
+
+#[test]
+fn an_adapter_has_the_same_light_after_64_frames() {
+    let tree = hall();
+    for gpu in adapters()
+        .expect("an adapter")
+        .iter()
+        .filter(|g| g.has_precise())
+    {
+        // Rays for all; a budget that is shared out; slots that change hands.
+        for (capacity, patience, budget) in [
+            (2000, 60_000, 250_000),
+            (2000, 60_000, 300),
+            (60, 20, u32::MAX),
+        ] {
+            let settings = SurfelSettings {
+                patience,
+                budget,
+                ..settings(1.0)
+            };
+            let entries = 60_000;
+            let mut cpu = SurfelPass::new(settings, grid(UNIT), capacity, entries);
+            let pool = GpuPool::new(gpu, settings, grid(UNIT), capacity, entries, FLIGHT);
+            let light = GpuLight::new(&pool, &tree);
+            let (mut total, mut scarce) = (SurfelStatistics::default(), 0);
+            for frame in 0..64 {
+                let (pixels, camera) = flight(frame);
+                let view = SurfelView {
+                    pixels: &pixels,
+                    width: FLIGHT.0,
+                    camera,
+                };
+                let trace = |origin, direction| hall_trace(&tree, origin, direction);
+                let s = cpu.frame(view, trace, |hit| hall_direct(&tree, hit));
+                total.rays += s.rays;
+                total.recycled += s.recycled;
+                scarce += u32::from(s.rays == budget);
+                pool.frame(frame, view);
+                let words = light.frame(&pool, frame);
+                let label = format!("{}, {capacity}, {budget}, frame {frame}", gpu.label());
+                let slots = words.chunks(4).zip(cpu.irradiances()).zip(cpu.surfels());
+                for (slot, ((found, expected), surfel)) in slots.enumerate() {
+                    if surfel.radius > 0.0 {
+                        let bits = expected.to_array().map(f32::to_bits);
+                        assert_eq!(found[..3], bits, "{label}, slot {slot}");
+                    }
+                }
+            }
+            let lit = cpu
+                .surfels()
+                .iter()
+                .zip(cpu.irradiances())
+                .filter(|(s, e)| s.radius > 0.0 && e.min_element() > 0.0)
+                .count();
+            let alive = cpu.statistics().alive as usize;
+            eprintln!("{capacity} slots, {budget} rays: {lit} of {alive} lit, {total:?}");
+            assert!(lit > alive / 2 && alive > 30);
+            assert_eq!(total.recycled > 0, capacity == 60);
+            assert_eq!(scarce > 0, budget == 300);
         }
     }
 }

@@ -116,6 +116,10 @@ pub mod pass {
     pub const SURFEL: &str = include_str!("gi/surfel.pass.wgsl");
     /// `gi/surfel_grid`: the lists of all cells.
     pub const SURFEL_GRID: &str = include_str!("gi/surfel_grid.pass.wgsl");
+    /// After `gi/surfel_irradiance`, `gi/surfel_grid` and
+    /// `temporal/multiscale_mean`: the light of that pool. The program defines
+    /// `surfel_irradiance_trace` and `surfel_irradiance_direct`.
+    pub const SURFEL_IRRADIANCE: &str = include_str!("gi/surfel_irradiance.pass.wgsl");
     /// `filter/svgf` for colours.
     pub const SVGF_COLOR: &str = include_str!("filter/svgf.pass_color.wgsl");
     /// `filter/svgf` for scalars.

@@ -874,6 +874,7 @@ fn surfel_row(e: crate::surfels::SurfelError) -> SurfelRow {
         rmse: e.rmse,
         direct_rmse: e.direct_rmse,
         flip: e.flip,
+        bare: e.bare,
         mean: e.mean,
         ms: e.ms,
     }

@@ -766,7 +766,7 @@ fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Mar
             "Light straight from the lamp is traced, light that bounces comes from surfels: a ray a surfel and frame once it is old. "
             "References are path traced at the same pixels; everything is diffuse. "
             "A slot is room for a surfel; its radius is what lets a full pool cover the scene. Times are of the CPU with all threads, rays too, while the pool still grows. "
-            "Surfaces that no pixel has seen have no surfels, so what they would reflect is missing: the picture stays too dark, and more so while the camera flies. "
+            "Surfaces that no pixel has seen have no surfels, so what they would reflect is missing and the picture stays too dark: compare the mean with that of surfels everywhere. Bare is the part of the pixels that no surfel covers. "
             "After a change of the lamp the old light takes some 50 frames to fall by half, as each bounce waits for the one before."
         }
         @for scene in scenes {
@@ -776,7 +776,7 @@ fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Mar
             div.scroll { table {
                 thead { tr {
                     th.left { "Event" } th { "Slots" } th { "Frame" } th { "Surfels" } th { "RMSE" } th { "without bounces" }
-                    th { "FLIP" } th { "Mean over the true one" } th { "ms" }
+                    th { "FLIP" } th { "Bare" } th { "Mean over the true one" } th { "ms" }
                 } }
                 tbody { @for r in report.surfels.iter().filter(|r| r.scene == scene) { tr {
                     td.left { (r.event) }
@@ -786,6 +786,7 @@ fn surfel_section(report: &Report, plots: &[&Drawn], pictures: &[&Shown]) -> Mar
                     td { (number(r.rmse)) }
                     td { (number(r.direct_rmse)) }
                     td { (number(r.flip)) }
+                    td { (number(r.bare)) }
                     td { (number(r.mean)) }
                     td { (number(r.ms)) }
                 } } }

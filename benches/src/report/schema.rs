@@ -579,6 +579,8 @@ pub struct SurfelRow {
     pub direct_rmse: f64,
     /// Mean FLIP.
     pub flip: f64,
+    /// Part of the shown surfaces that no surfel covers.
+    pub bare: f64,
     /// Mean of the picture over that of the reference; after the lamp went out,
     /// the light that is left over that before.
     pub mean: f64,

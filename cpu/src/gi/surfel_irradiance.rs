@@ -334,7 +334,9 @@ pub fn surfel_irradiance_follow(
 /// For how many frames a surfel may go unseen: `patience` while a quarter of
 /// the pool is free, then less in 256 steps, and 0 when it is full.
 ///
-/// `patience` counts to 65,535 at most. Exact.
+/// `patience` counts to 65,535 at most. Exact, for a pool of any size: the steps
+/// are the first ten binary digits of the free part, by long division that does
+/// not overflow.
 ///
 /// ```
 /// use raytwin_cpu::gi::surfel_irradiance::surfel_irradiance_patience;
@@ -343,14 +345,31 @@ pub fn surfel_irradiance_follow(
 /// assert_eq!(surfel_irradiance_patience(32_768, 65_536, 600), 600);
 /// assert_eq!(surfel_irradiance_patience(57_344, 65_536, 600), 300);
 /// assert_eq!(surfel_irradiance_patience(65_536, 65_536, 600), 0);
+/// // A small pool gives up no earlier.
+/// assert_eq!(surfel_irradiance_patience(48, 64, 600), 600);
+/// assert_eq!(surfel_irradiance_patience(56, 64, 600), 300);
 /// ```
 #[inline]
 #[must_use]
 pub fn surfel_irradiance_patience(used: u32, capacity: u32, patience: u32) -> u32 {
     let free = capacity - used.min(capacity);
-    let step = (capacity >> 10).max(1);
-    let parts = (free / step).min(256);
-    (patience.min(65_535) * parts) >> 8
+    if free == 0 {
+        return 0;
+    }
+    // floor(1024 free/capacity), 1023 for a pool without surfels.
+    let mut parts = 0;
+    let mut rest = free;
+    for _ in 0..10 {
+        let more = capacity - rest;
+        parts *= 2;
+        if rest >= more {
+            rest -= more;
+            parts += 1;
+        } else {
+            rest += rest;
+        }
+    }
+    (patience.min(65_535) * parts.min(256)) >> 8
 }
 
 /// 1 if a surfel is to be given up: it is not sound, or has gone unseen for
@@ -477,6 +496,15 @@ mod tests {
             last = p(used);
         }
         assert_eq!(surfel_irradiance_patience(0, 0, 600), 0);
+        // A quarter is free, an eighth, a part too small for a step: whatever
+        // the size of the pool.
+        for capacity in (8..4096).step_by(8).chain([1 << 20, u32::MAX - 7]) {
+            let p = |free: u32| surfel_irradiance_patience(capacity - free, capacity, 256);
+            let eighth = capacity / 8;
+            assert_eq!([capacity, 2 * eighth, eighth].map(p), [256, 256, 128]);
+            let below = p(2 * eighth - 1);
+            assert!(below < 256, "{capacity}");
+        }
         let s = Surfel {
             position: Vec3::ZERO,
             radius: 0.1,

@@ -6,10 +6,15 @@
 //! spawn, and every surfel's irradiance moves on by a few rays. Nothing depends
 //! on the order of threads: free slots are taken in ascending order by tiles in
 //! reading order, and a frame's rays see the irradiance of the frame before.
+//!
+//! What lies side by side in the world may be anywhere in the pool. So the build
+//! copies what a gather reads, in the order of a Morton curve, and rays are
+//! traced in that order. It is memory alone: lists, random numbers and sums go
+//! by slot, and the bits are the same.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{UVec2, Vec3};
+use glam::{UVec2, UVec3, Vec3};
 
 use super::surfel_grid::SurfelGridPass;
 use super::svgf::for_rows;
@@ -18,7 +23,9 @@ use crate::gi::surfel::{
     surfel_sound, surfel_spawn_chance, surfel_spawns, surfel_tile_coverage, surfel_tile_index,
     surfel_tile_key, surfel_weight,
 };
-use crate::gi::surfel_grid::SurfelGrid;
+use crate::gi::surfel_grid::{
+    SURFEL_GRID_NOWHERE, SurfelGrid, surfel_grid_coordinate, surfel_grid_find,
+};
 use crate::gi::surfel_irradiance::{
     SurfelIrradiancePose, surfel_irradiance_allowed, surfel_irradiance_direction,
     surfel_irradiance_follow, surfel_irradiance_origin, surfel_irradiance_outgoing,
@@ -237,6 +244,184 @@ const DARK: Light = Light {
     age: 0,
 };
 
+/// What a gather reads of a surfel.
+#[derive(Clone, Copy, Debug)]
+struct Near {
+    surfel: Surfel,
+    irradiance: Vec3,
+}
+
+/// Copies of the surfels where neighbours in the world are neighbours in memory,
+/// as of the last build.
+#[derive(Debug)]
+struct Neighbours {
+    /// By place along the curve.
+    near: Vec<Near>,
+    /// By place: how far along the curve, and the slot.
+    order: Vec<(u64, u32)>,
+    /// By slot: its place, [`FRESH`] or [`NO_PLACE`].
+    places: Vec<u32>,
+    /// The grid's lists, as places in place of slots, in the curve's order too.
+    entries: Vec<u32>,
+    /// By slot of the grid: where its list is, and how long it is.
+    lists: Vec<UVec2>,
+    /// Slots without a place that were filled since.
+    fresh: Vec<u32>,
+}
+
+/// The slot had no surfel when the copies were made.
+const NO_PLACE: u32 = u32::MAX;
+/// The slot waits for a place.
+const FRESH: u32 = u32::MAX - 1;
+
+/// A surfel's frame: its light while rays are traced.
+#[derive(Clone, Copy, Debug)]
+struct Job {
+    slot: u32,
+    rays: u32,
+    surfel: Surfel,
+    state: MultiscaleMeanRobustRgbState,
+}
+
+/// Bits of a coordinate, every third one; 21 of them.
+fn spread(x: u32) -> u64 {
+    let mut bits = u64::from(x & 0x1f_ffff);
+    for (shift, mask) in [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ] {
+        bits = (bits | bits << shift) & mask;
+    }
+    bits
+}
+
+/// How far along a Morton curve a cell is.
+fn curve(cell: UVec3) -> u64 {
+    spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
+}
+
+impl Neighbours {
+    fn new(slots: usize) -> Self {
+        Self {
+            near: Vec::new(),
+            order: Vec::new(),
+            places: vec![NO_PLACE; slots],
+            entries: Vec::new(),
+            lists: Vec::new(),
+            fresh: Vec::new(),
+        }
+    }
+
+    /// Copies the pool, and what the lists of `grid` name. The order of the
+    /// build before is nearly right, which the sort makes use of.
+    fn build(&mut self, surfels: &[Surfel], irradiance: &[Vec3], grid: &SurfelGridPass) {
+        let cells = grid.grid();
+        for slot in self.fresh.drain(..) {
+            self.order.push((0, slot));
+        }
+        self.order.retain_mut(|(at, slot)| {
+            let surfel = surfels[*slot as usize];
+            *at = curve(surfel_grid_coordinate(surfel.position, 0, cells));
+            surfel_sound(surfel) == 1
+        });
+        self.order.sort();
+        self.places.fill(NO_PLACE);
+        self.near.clear();
+        for (place, (_, slot)) in (0u32..).zip(&self.order) {
+            let slot = *slot as usize;
+            self.places[slot] = place;
+            self.near.push(Near {
+                surfel: surfels[slot],
+                irradiance: irradiance[slot],
+            });
+        }
+        self.lists.clear();
+        self.lists.resize(grid.firsts().len(), UVec2::ZERO);
+        self.entries.clear();
+        for place in 0..self.near.len() {
+            let home = surfel_grid_find(self.near[place].surfel.position, cells);
+            if home != SURFEL_GRID_NOWHERE {
+                self.copy_list(home as usize, grid);
+            }
+        }
+        // Cells in which no surfel's middle is.
+        for slot in 0..self.lists.len() {
+            self.copy_list(slot, grid);
+        }
+    }
+
+    fn copy_list(&mut self, slot: usize, grid: &SurfelGridPass) {
+        if self.lists[slot].y > 0 {
+            return;
+        }
+        let count = grid.counts()[slot];
+        self.lists[slot] = UVec2::new(self.entries.len() as u32, count);
+        let first = grid.firsts()[slot] as usize;
+        if count > 0 {
+            let list = &grid.entries()[first..first + count as usize];
+            let places = &self.places;
+            self.entries
+                .extend(list.iter().map(|slot| places[*slot as usize]));
+        }
+    }
+
+    /// The list that a point looks up, in `entries`.
+    fn list(&self, point: Vec3, grid: &SurfelGridPass) -> UVec2 {
+        let slot = surfel_grid_find(point, grid.grid());
+        // Before the first build there are none.
+        self.lists
+            .get(slot as usize)
+            .copied()
+            .unwrap_or(UVec2::ZERO)
+    }
+
+    /// The copy of a slot's surfel, if there is one.
+    fn copy(&mut self, slot: usize) -> Option<&mut Near> {
+        self.near.get_mut(self.places[slot] as usize)
+    }
+
+    /// A slot has another surfel now.
+    fn set(&mut self, slot: usize, surfel: Surfel) {
+        if let Some(near) = self.copy(slot) {
+            near.surfel = surfel;
+        }
+    }
+
+    /// A free slot has been filled, with a surfel that has no light.
+    fn insert(&mut self, slot: u32, surfel: Surfel) {
+        let irradiance = Vec3::ZERO;
+        if let Some(near) = self.copy(slot as usize) {
+            *near = Near { surfel, irradiance };
+        } else if self.places[slot as usize] == NO_PLACE {
+            self.places[slot as usize] = FRESH;
+            self.fresh.push(slot);
+        }
+    }
+
+    fn gather(&self, point: Vec3, normal: Vec3, grid: &SurfelGridPass) -> SurfelGathered {
+        surfel_gather(
+            point,
+            normal,
+            self.list(point, grid),
+            |entry| self.read(entry).surfel,
+            |entry| self.read(entry).irradiance,
+        )
+    }
+
+    #[inline]
+    fn read(&self, entry: u32) -> &Near {
+        &self.near[self.entries[entry as usize] as usize]
+    }
+
+    /// The slot that an entry names.
+    fn slot(&self, entry: u32) -> usize {
+        self.order[self.entries[entry as usize] as usize].1 as usize
+    }
+}
+
 /// A pool of surfels.
 ///
 /// ```
@@ -288,6 +473,8 @@ pub struct SurfelPass {
     /// By slot, of the frame before.
     irradiance: Vec<Vec3>,
     grid: SurfelGridPass,
+    neighbours: Neighbours,
+    jobs: Vec<Job>,
     /// Free slots, the lowest one last.
     free: Vec<u32>,
     keys: Vec<u32>,
@@ -327,6 +514,8 @@ impl SurfelPass {
             lights: vec![DARK; slots],
             irradiance: vec![Vec3::ZERO; slots],
             grid: SurfelGridPass::new(grid, entries),
+            neighbours: Neighbours::new(slots),
+            jobs: Vec::new(),
             free: (0..capacity).rev().collect(),
             keys: Vec::new(),
             frame: 0,
@@ -413,9 +602,10 @@ impl SurfelPass {
     /// assert_eq!(pool.surfels()[slot as usize].position, Vec3::Y);
     /// ```
     pub fn follow(&mut self, mesh: u32, old: SurfelIrradiancePose, new: SurfelIrradiancePose) {
-        for surfel in &mut self.surfels {
+        for (slot, surfel) in self.surfels.iter_mut().enumerate() {
             if surfel.mesh == mesh && surfel_sound(*surfel) == 1 {
                 *surfel = surfel_irradiance_follow(*surfel, old, new);
+                self.neighbours.set(slot, *surfel);
             }
         }
     }
@@ -459,6 +649,7 @@ impl SurfelPass {
             {
                 recycled += 1;
                 self.surfels[slot] = FREE;
+                self.neighbours.set(slot, FREE);
             }
             *unseen = unseen.saturating_add(1);
             if !taken(self.surfels[slot]) {
@@ -497,6 +688,8 @@ impl SurfelPass {
     /// ```
     pub fn build(&mut self) {
         self.grid.build(&self.surfels);
+        self.neighbours
+            .build(&self.surfels, &self.irradiance, &self.grid);
         self.statistics.homeless = self.grid.homeless() - self.free.len() as u32;
         self.statistics.entries_dropped = self.grid.dropped();
     }
@@ -548,7 +741,7 @@ impl SurfelPass {
         if self.keys.is_empty() {
             return;
         }
-        let (surfels, unseen, grid) = (&self.surfels, &self.unseen, &self.grid);
+        let (near, unseen, grid) = (&self.neighbours, &self.unseen, &self.grid);
         for_rows(&mut self.keys, across, |row, keys| {
             for y in row * TILE..((row + 1) * TILE).min(height) {
                 for x in 0..width {
@@ -556,7 +749,7 @@ impl SurfelPass {
                     if !has_surface(pixel) {
                         continue;
                     }
-                    let coverage = cover_pixel(pixel, surfels, grid, unseen);
+                    let coverage = cover_pixel(pixel, near, grid, unseen);
                     let index = (y % TILE * TILE + x % TILE) as u32;
                     let key = &mut keys[x / TILE];
                     *key = (*key).min(surfel_tile_key(coverage, index));
@@ -699,6 +892,7 @@ impl SurfelPass {
         *self.unseen[at].get_mut() = 0;
         self.lights[at] = DARK;
         self.irradiance[at] = Vec3::ZERO;
+        self.neighbours.insert(slot, surfel);
         self.statistics.alive += 1;
         Some(slot)
     }
@@ -743,23 +937,31 @@ impl SurfelPass {
         direct: impl Fn(&SurfelHit) -> Vec3 + Sync + Send,
     ) {
         self.statistics.rays = self.allow_rays();
-        let (surfels, irradiance, grid) = (&self.surfels, &self.irradiance, &self.grid);
+        let (near, grid) = (&self.neighbours, &self.grid);
         let (frame, longest) = (self.frame, self.settings.longest);
-        if !self.lights.is_empty() {
-            for_rows(&mut self.lights, BATCH, |batch, lights| {
-                for (at, light) in lights.iter_mut().enumerate() {
-                    if light.rays == 0 {
-                        continue;
-                    }
-                    let slot = batch * BATCH + at;
-                    let surfel = surfels[slot];
-                    let origin = surfel_irradiance_origin(surfel);
+        self.jobs.clear();
+        let built = near.order.iter().map(|(_, slot)| *slot);
+        for slot in built.chain(near.fresh.iter().copied()) {
+            let Light { state, rays, .. } = self.lights[slot as usize];
+            if rays > 0 {
+                self.jobs.push(Job {
+                    slot,
+                    rays,
+                    surfel: self.surfels[slot as usize],
+                    state,
+                });
+            }
+        }
+        if !self.jobs.is_empty() {
+            for_rows(&mut self.jobs, BATCH, |_, jobs| {
+                for job in jobs {
+                    let origin = surfel_irradiance_origin(job.surfel);
                     let mut sum = Vec3::ZERO;
-                    for ray in 0..light.rays {
+                    for ray in 0..job.rays {
                         let direction =
-                            surfel_irradiance_direction(surfel.normal, slot as u32, frame, ray);
+                            surfel_irradiance_direction(job.surfel.normal, job.slot, frame, ray);
                         if let Some(hit) = trace(origin, direction) {
-                            let found = gather(hit.position, hit.normal, surfels, irradiance, grid);
+                            let found = near.gather(hit.position, hit.normal, grid);
                             sum += surfel_irradiance_outgoing(
                                 hit.albedo,
                                 hit.emission,
@@ -768,19 +970,24 @@ impl SurfelPass {
                             );
                         }
                     }
-                    light.state = multiscale_mean_robust_rgb_step(
-                        light.state,
-                        surfel_irradiance_sample(sum, light.rays),
+                    job.state = multiscale_mean_robust_rgb_step(
+                        job.state,
+                        surfel_irradiance_sample(sum, job.rays),
                         MULTISCALE_MEAN_SHORT_BLEND,
                         longest,
                     );
-                    light.age = light.age.saturating_add(1);
                 }
             });
         }
-        for (irradiance, light) in self.irradiance.iter_mut().zip(&self.lights) {
-            if light.rays > 0 {
-                *irradiance = multiscale_mean_robust_rgb_value(light.state);
+        for job in &self.jobs {
+            let slot = job.slot as usize;
+            let irradiance = multiscale_mean_robust_rgb_value(job.state);
+            let light = &mut self.lights[slot];
+            light.state = job.state;
+            light.age = light.age.saturating_add(1);
+            self.irradiance[slot] = irradiance;
+            if let Some(near) = self.neighbours.copy(slot) {
+                near.irradiance = irradiance;
             }
         }
         self.frame = self.frame.wrapping_add(1);
@@ -836,7 +1043,7 @@ impl SurfelPass {
     /// ```
     #[must_use]
     pub fn gather(&self, point: Vec3, normal: Vec3) -> SurfelGathered {
-        gather(point, normal, &self.surfels, &self.irradiance, &self.grid)
+        self.neighbours.gather(point, normal, &self.grid)
     }
 
     /// The surfels by slot; a free slot's has no radius.
@@ -1023,17 +1230,18 @@ fn has_surface(pixel: SurfelPixel) -> bool {
 /// [`surfel_coverage`](crate::gi::surfel::surfel_coverage), and who takes part.
 fn cover_pixel(
     pixel: SurfelPixel,
-    surfels: &[Surfel],
+    near: &Neighbours,
     grid: &SurfelGridPass,
     unseen: &[AtomicU32],
 ) -> f32 {
-    let list = grid.list(pixel.position);
+    let list = near.list(pixel.position, grid);
     let mut sum = 0.0;
     for i in 0..list.y.min(SURFEL_WALK) {
-        let slot = grid.entry(list.x + i) as usize;
-        let weight = surfel_weight(surfels[slot], pixel.position, pixel.normal);
+        let surfel = near.read(list.x + i).surfel;
+        let weight = surfel_weight(surfel, pixel.position, pixel.normal);
         if weight > 0.0 {
             sum += weight;
+            let slot = near.slot(list.x + i);
             if unseen[slot].load(Ordering::Relaxed) != 0 {
                 unseen[slot].store(0, Ordering::Relaxed);
             }
@@ -1042,18 +1250,113 @@ fn cover_pixel(
     sum
 }
 
-fn gather(
-    point: Vec3,
-    normal: Vec3,
-    surfels: &[Surfel],
-    irradiance: &[Vec3],
-    grid: &SurfelGridPass,
-) -> SurfelGathered {
-    surfel_gather(
-        point,
-        normal,
-        grid.list(point),
-        |entry| surfels[grid.entry(entry) as usize],
-        |entry| irradiance[grid.entry(entry) as usize],
-    )
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::pcg::pcg_hash;
+
+    fn random(i: u32) -> f32 {
+        (pcg_hash(i) >> 8) as f32 / 16_777_216.0
+    }
+
+    fn surfel(i: u32) -> Surfel {
+        Surfel {
+            position: Vec3::new(random(3 * i), random(3 * i + 1), random(3 * i + 2)),
+            radius: 0.1,
+            normal: if i.is_multiple_of(2) {
+                Vec3::Y
+            } else {
+                Vec3::X
+            },
+            mesh: i % 2,
+        }
+    }
+
+    /// What the copies give is what the pool and the grid's lists give.
+    fn compare(pass: &SurfelPass) -> usize {
+        let grid = pass.grid();
+        let slot = |entry| grid.entry(entry) as usize;
+        let mut lit = 0;
+        for i in 0..300 {
+            let near = surfel(i);
+            let point = near.position + Vec3::splat(0.03);
+            let expected = surfel_gather(
+                point,
+                near.normal,
+                grid.list(point),
+                |entry| pass.surfels()[slot(entry)],
+                |entry| pass.irradiances()[slot(entry)],
+            );
+            let found = pass.gather(point, near.normal);
+            assert_eq!(found.irradiance, expected.irradiance);
+            assert_eq!(found.weight.to_bits(), expected.weight.to_bits());
+            lit += usize::from(found.irradiance.x > 0.0);
+        }
+        lit
+    }
+
+    #[test]
+    fn copies_follow_the_pool() {
+        let settings = SurfelSettings {
+            patience: 3,
+            budget: 1000,
+            ..SurfelSettings::default()
+        };
+        let sky = |_, _| {
+            Some(SurfelHit {
+                position: Vec3::splat(9.0),
+                normal: Vec3::NEG_Y,
+                albedo: Vec3::ZERO,
+                emission: Vec3::ONE,
+            })
+        };
+        let pose = SurfelIrradiancePose {
+            x: Vec3::X,
+            y: Vec3::Y,
+            z: Vec3::Z,
+            origin: Vec3::ZERO,
+        };
+        // Dense, hashed, with levels; and one whose lists have no room.
+        for (size, reach, entries) in [
+            (UVec3::splat(8), 0.0, 100_000),
+            (UVec3::ZERO, 0.0, 100_000),
+            (UVec3::ZERO, 2.0, 100_000),
+            (UVec3::ZERO, 0.0, 900),
+        ] {
+            let grid = SurfelGrid {
+                origin: Vec3::splat(-0.3),
+                inverse_cell: 5.0,
+                size,
+                slots: 512,
+                inverse_reach: reach,
+            };
+            let mut pass = SurfelPass::new(settings, grid, 600, entries);
+            assert_eq!(compare(&pass), 0);
+            let mut lit = 0;
+            for frame in 0..12 {
+                pass.recycle();
+                compare(&pass);
+                for i in 0..60 {
+                    pass.insert(surfel(60 * (frame % 5) + i));
+                }
+                compare(&pass);
+                pass.build();
+                compare(&pass);
+                let moved = Vec3::splat(0.01);
+                pass.follow(
+                    1,
+                    pose,
+                    SurfelIrradiancePose {
+                        origin: moved,
+                        ..pose
+                    },
+                );
+                compare(&pass);
+                pass.update(sky, |_| Vec3::ZERO);
+                lit = compare(&pass);
+            }
+            assert!(lit > if entries < 1000 { 5 } else { 30 }, "{lit}");
+            assert!(pass.statistics().recycled > 0);
+        }
+    }
 }

@@ -41,10 +41,22 @@ pub struct SurfelGridPass {
     capacity: u32,
     first: Vec<u32>,
     count: Vec<u32>,
-    cursor: Vec<u32>,
+    cells: Vec<Cell>,
     entries: Vec<u32>,
     dropped: u32,
     homeless: u32,
+}
+
+/// A slot while its list is built, in one place of memory.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cell {
+    /// Entries, those that are there twice counted twice.
+    count: u32,
+    /// Where the next entry goes, and the end of the list.
+    next: u32,
+    end: u32,
+    /// One more than the number of the surfel that was placed last.
+    last: u32,
 }
 
 /// Every slot that a surfel is listed in; a hash may give one twice. False if
@@ -93,7 +105,7 @@ impl SurfelGridPass {
             capacity,
             first: vec![0; slots],
             count: vec![0; slots],
-            cursor: vec![0; slots],
+            cells: vec![Cell::default(); slots],
             entries: Vec::new(),
             dropped: 0,
             homeless: 0,
@@ -125,45 +137,66 @@ impl SurfelGridPass {
     /// assert_eq!(lists.list(surfel.position).y, 0);
     /// ```
     pub fn build(&mut self, surfels: &[Surfel]) {
-        self.cursor.fill(0);
+        self.cells.fill(Cell::default());
         self.homeless = 0;
         for surfel in surfels {
-            let cursor = &mut self.cursor;
+            let cells = &mut self.cells;
             let whole = for_slots(*surfel, self.grid, |slot| {
-                let count = &mut cursor[slot as usize];
+                let count = &mut cells[slot as usize].count;
                 *count = count.saturating_add(1);
             });
             self.homeless += u32::from(!whole);
         }
         let mut at = 0u32;
         self.dropped = 0;
-        for slot in 0..self.first.len() {
-            let count = self.cursor[slot];
+        for (cell, first) in self.cells.iter_mut().zip(&mut self.first) {
+            let count = cell.count;
             let kept = surfel_grid_kept(at, count, self.capacity);
-            self.first[slot] = at;
-            self.count[slot] = kept;
-            self.cursor[slot] = at;
+            *first = at;
+            cell.next = at;
+            cell.end = at.saturating_add(kept);
             self.dropped = self.dropped.saturating_add(count - kept);
             at = at.saturating_add(count);
         }
         self.entries.clear();
         self.entries.resize(at.min(self.capacity) as usize, 0);
         for (index, surfel) in (0u32..).zip(surfels) {
-            let (first, count) = (&self.first, &self.count);
-            let (cursor, entries) = (&mut self.cursor, &mut self.entries);
+            let (cells, entries) = (&mut self.cells, &mut self.entries);
             for_slots(*surfel, self.grid, |slot| {
-                let slot = slot as usize;
-                let place = cursor[slot];
-                let known = place > first[slot] && entries[place as usize - 1] == index;
-                if count[slot] > 0 && !known {
-                    entries[place as usize] = index;
-                    cursor[slot] = place + 1;
+                let cell = &mut cells[slot as usize];
+                let known = cell.last == index.wrapping_add(1);
+                if cell.next < cell.end && !known {
+                    entries[cell.next as usize] = index;
+                    cell.next += 1;
+                    cell.last = index.wrapping_add(1);
                 }
             });
         }
-        for slot in 0..self.first.len() {
-            self.count[slot] = self.cursor[slot] - self.first[slot];
+        let lists = self.first.iter().zip(&self.cells);
+        for (count, (first, cell)) in self.count.iter_mut().zip(lists) {
+            *count = cell.next - first;
         }
+    }
+
+    /// The cells.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel_grid::SurfelGridPass;
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// assert_eq!(SurfelGridPass::new(grid, 100).grid(), grid);
+    /// ```
+    #[must_use]
+    pub fn grid(&self) -> SurfelGrid {
+        self.grid
     }
 
     /// First entry and length of the list that a point looks up.

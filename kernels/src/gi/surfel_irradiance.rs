@@ -107,9 +107,9 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
         )
     }
     fn exact_patience(used: u32, capacity: u32, patience: u32) -> u32 {
-        let free = capacity.saturating_sub(used);
-        let parts = (free / (capacity / 1024).max(1)).min(256);
-        (u64::from(patience.min(65_535)) * u64::from(parts) / 256) as u32
+        let free = u64::from(capacity.saturating_sub(used));
+        let parts = (1024 * free).checked_div(u64::from(capacity)).unwrap_or(0);
+        (u64::from(patience.min(65_535)) * parts.min(256) / 256) as u32
     }
     fn pose(normal: Vec3, turn: f32, origin: Vec3) -> SurfelIrradiancePose {
         let frame = basis_from_normal(normal);
@@ -127,6 +127,8 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             .and(domains::vec3(domains::range(-8.0, 8.0)))
             .map(|((normal, turn), origin)| pose(normal, turn, origin))
     };
+    // Large pools and small ones.
+    let pools = || domains::below(260_000).map(|x| if x % 2 == 1 { x % 3000 } else { x });
     let surfels = || surfel_and_point().map(|(s, _)| s);
     let disc = |position: Vec3, radius: f32, normal: Vec3| Surfel {
         position,
@@ -311,11 +313,7 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             ["used", "capacity", "patience"],
             surfel_irradiance_patience,
             exact_patience,
-            (
-                domains::below(260_000),
-                domains::below(260_000),
-                domains::below(2000),
-            ),
+            (pools(), pools(), domains::below(2000)),
         )
         .bit_exact()
         .hard([
@@ -326,6 +324,19 @@ fn surfel_read_irradiance(entry: u32) -> vec3f {
             (250_000, 250_000, 600),
             (u32::MAX, 250_000, 600),
             (0, u32::MAX, u32::MAX),
+            // A quarter free, and one slot less; small pools and the largest.
+            (48, 64, 600),
+            (49, 64, 600),
+            (63, 64, 600),
+            (0, 1, 600),
+            (2, 3, 65_535),
+            (750, 1000, 600),
+            (1535, 2047, 600),
+            (187_501, 250_000, 600),
+            (0xbfff_ffff, u32::MAX, 65_535),
+            (0xc000_0000, u32::MAX, 65_535),
+            (0xe000_0000, u32::MAX, 600),
+            (0xffff_fffe, u32::MAX, 65_535),
         ])
         .fixture(FIXTURE, vec![0])
         .source(OURS)

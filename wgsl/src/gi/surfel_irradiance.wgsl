@@ -148,9 +148,23 @@ fn surfel_irradiance_follow(
 // quarter of the pool is free, then less, and 0 when it is full.
 fn surfel_irradiance_patience(used: u32, capacity: u32, patience: u32) -> u32 {
     let free = capacity - min(used, capacity);
-    let step = max(capacity >> 10u, 1u);
-    let parts = min(free / step, 256u);
-    return (min(patience, 65535u) * parts) >> 8u;
+    if free == 0u {
+        return 0u;
+    }
+    // floor(1024 free/capacity), 1023 for a pool without surfels.
+    var parts = 0u;
+    var rest = free;
+    for (var i = 0u; i < 10u; i++) {
+        let more = capacity - rest;
+        parts = parts * 2u;
+        if rest >= more {
+            rest = rest - more;
+            parts = parts + 1u;
+        } else {
+            rest = rest + rest;
+        }
+    }
+    return (min(patience, 65535u) * min(parts, 256u)) >> 8u;
 }
 
 // 1 if a surfel is to be given up: it is not sound, or has gone unseen for more
