@@ -60,7 +60,7 @@ pub struct SurfelReportSettings {
 }
 
 impl SurfelReportSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report.
     #[must_use]
     pub fn quick() -> Self {
         Self {

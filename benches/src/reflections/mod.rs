@@ -76,7 +76,7 @@ pub struct ReflectionSettings {
 }
 
 impl ReflectionSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report.
     #[must_use]
     pub fn quick() -> Self {
         Self {

@@ -54,7 +54,7 @@ pub struct BvhSettings {
 }
 
 impl BvhSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report.
     #[must_use]
     pub fn quick() -> Self {
         Self {

@@ -32,7 +32,7 @@ pub struct KernelSettings {
 }
 
 impl KernelSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report.
     #[must_use]
     pub fn quick() -> Self {
         Self {

@@ -273,7 +273,7 @@ pub struct StageSettings {
 }
 
 impl StageSettings {
-    /// For a report within two and a half minutes on two cores.
+    /// For the quick report.
     #[must_use]
     pub fn quick() -> Self {
         Self {
