@@ -639,7 +639,7 @@ impl Bvh8 {
     /// # let nodes = [BvhNode { min, first: 0, max, count: 1 }];
     /// # let tree = Bvh8::new(BvhView { nodes: &nodes, triangles: &triangles })?;
     /// // One block of eight triangles, of which one is used.
-    /// assert_eq!(tree.bytes(), 320);
+    /// assert_eq!(tree.bytes(), 448);
     /// # Ok::<(), Bvh8Fault>(())
     /// ```
     #[must_use]
