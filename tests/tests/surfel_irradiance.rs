@@ -923,6 +923,7 @@ impl GpuLight {
             source += module.and_then(|m| m.bindings).expect("has bindings");
         }
         source += raytwin::wgsl::pass::SURFEL_IRRADIANCE;
+        source += LAMP_WGSL;
         source += if tree.is_some() { HALL_WGSL } else { BARE_WGSL };
         let capacity = pool.capacity as usize;
         let uniform = uniform(gpu, 80);
@@ -1028,19 +1029,16 @@ fn hall_trace(tree: &Bvh, origin: Vec3, direction: Vec3) -> Option<SurfelHit> {
 }
 
 fn hall_direct(tree: &Bvh, hit: &SurfelHit) -> Vec3 {
-    let to = LAMP - hit.position;
-    let cosine = vec3_dot(to, hit.normal);
     let shadow = Ray {
         origin: hit.position + hit.normal * 0.0009765625,
-        direction: to,
+        direction: LAMP - hit.position,
         t_min: 0.0,
         t_max: 1.0,
     };
-    if cosine <= 0.0 || bvh_any(&tree.view(), shadow) == 1 {
+    if bvh_any(&tree.view(), shadow) == 1 {
         return Vec3::ZERO;
     }
-    let squared = vec3_dot(to, to);
-    Vec3::splat(cosine / (squared * squared.sqrt()))
+    bare_direct(hit)
 }
 
 /// What a ray meets in the bare room.
@@ -1079,6 +1077,19 @@ fn bare_direct(hit: &SurfelHit) -> Vec3 {
     Vec3::splat(cosine / (squared * squared.sqrt()))
 }
 
+/// The lamp for an adapter.
+const LAMP_WGSL: &str = "
+fn lamp(hit: SurfelIrradianceHit) -> vec3f {
+    let to = vec3f(0.5, 0.875, 0.25) - hit.position;
+    let cosine = vec3_dot(to, hit.normal);
+    if cosine <= 0.0 {
+        return vec3f(0.0, 0.0, 0.0);
+    }
+    let squared = vec3_dot(to, to);
+    return vec3f(cosine / (squared * sqrt(squared)));
+}
+";
+
 /// The same for an adapter.
 const BARE_WGSL: &str = "
 fn surfel_irradiance_trace(origin: vec3f, direction: vec3f) -> SurfelIrradianceHit {
@@ -1107,13 +1118,7 @@ fn surfel_irradiance_trace(origin: vec3f, direction: vec3f) -> SurfelIrradianceH
 }
 
 fn surfel_irradiance_direct(hit: SurfelIrradianceHit) -> vec3f {
-    let to = vec3f(0.5, 0.875, 0.25) - hit.position;
-    let cosine = vec3_dot(to, hit.normal);
-    if cosine <= 0.0 {
-        return vec3f(0.0, 0.0, 0.0);
-    }
-    let squared = vec3_dot(to, to);
-    return vec3f(cosine / (squared * sqrt(squared)));
+    return lamp(hit);
 }
 ";
 
@@ -1146,13 +1151,11 @@ fn surfel_irradiance_trace(origin: vec3f, direction: vec3f) -> SurfelIrradianceH
 
 fn surfel_irradiance_direct(hit: SurfelIrradianceHit) -> vec3f {
     let to = vec3f(0.5, 0.875, 0.25) - hit.position;
-    let cosine = vec3_dot(to, hit.normal);
     let shadow = Ray(hit.position + hit.normal * 0.0009765625, to, 0.0, 1.0);
-    if cosine <= 0.0 || bvh_any(shadow) == 1u {
+    if bvh_any(shadow) == 1u {
         return vec3f(0.0, 0.0, 0.0);
     }
-    let squared = vec3_dot(to, to);
-    return vec3f(cosine / (squared * sqrt(squared)));
+    return lamp(hit);
 }
 ";
 
