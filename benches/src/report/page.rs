@@ -646,7 +646,7 @@ fn materials(report: &Report, plots: &[&Drawn]) -> Markup {
                 "flicker is the mean change of the error between the last two frames, half-life the frames until half of a jump has arrived. "
                 "SVGF remembers five frames. Its passes trade noise for blur: what is smooth (occlusion) gains, thin penumbras lose, and more so where the first pass is fed back into the history. "
                 "Where a shadow moves over a floor that does not, the floor's history is found and holds the shadow of before: it drags behind by as many frames as are remembered, "
-                "cut short by a clamp, and ends in a line where the history's owner changes (floor to wall). So does what a mirror shows where only its surface is followed. "
+                "cut short by a clamp. An edge of the geometry (the front of the floor) stays a line in it, since no pass filters across. What a mirror shows drags too where only its surface is followed. "
                 "A lone dark or bright pixel in a picture is a surface of a pixel's width: no neighbour is on it, and where the camera moves it has no history either, so it shows its one sample."
             }
             p {
