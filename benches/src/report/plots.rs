@@ -148,8 +148,6 @@ fn materials(report: &Report) -> Vec<Plot> {
     out
 }
 
-/// Error by frame for each event, by both measures; light that is left; error
-/// against milliseconds.
 /// No ray lost has no logarithm: it is drawn as half a ray.
 const HALF_A_RAY: f64 = 0.5;
 
@@ -217,6 +215,8 @@ fn trees(report: &Report) -> Vec<Plot> {
     out
 }
 
+/// Error by frame for each event, by both measures; light that is left; error
+/// against milliseconds.
 fn surfels(report: &Report) -> Vec<Plot> {
     type Value = fn(&SurfelRow) -> f64;
     let rows = &report.surfels;
@@ -478,14 +478,17 @@ fn by_frame(name: &str, rows: &[&SequenceRow]) -> Plot {
         "SVGF, 1 passes",
         "SVGF, 5 passes",
     ];
-    let lines = shown.into_iter().enumerate().filter_map(|(k, head)| {
-        let row = rows.iter().find(|r| r.variant == head)?;
+    let found = shown
+        .into_iter()
+        .filter_map(|head| rows.iter().find(|r| r.variant == head));
+    // Counted after those that are missing: there are six colours.
+    let lines = found.enumerate().map(|(k, row)| {
         let points = row
             .by_frame
             .iter()
             .map(|(frame, error)| (f64::from(frame + 1), *error))
             .collect();
-        Some(series(row.variant.clone(), k, points))
+        series(row.variant.clone(), k, points)
     });
     Plot {
         title: format!("Over time: {name}, by frame"),
