@@ -156,9 +156,9 @@ fn main() {
     }
     println!(
         "| surfels | recycle ns | grid build ns | update ns | list | gather near ns | \
-         gather anywhere ns | cover ns/pixel | spawn ns/tile |"
+         gather anywhere ns | gather many ns | cover ns/pixel | spawn ns/tile |"
     );
-    println!("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
+    println!("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
     let order = if sorted { "sorted" } else { "random" };
     for count in counts {
         let (side, mut pass) = filled(count, sorted);
@@ -192,6 +192,13 @@ fn main() {
         };
         let (near, list) = lookups(1.0);
         let (far, _) = lookups(side - 2.0 * RADIUS);
+        let anywhere: Vec<_> = (0..LOOKUPS)
+            .map(|i| {
+                let at = Vec2::new(random(2 * i), random(2 * i + 1)) * side;
+                (Vec3::new(at.x, 0.0, at.y), Vec3::Y)
+            })
+            .collect();
+        let many = median(rounds, || timed(|| pass.gather_many(&anywhere)));
         let (pixels, camera) = view(side);
         let seen = SurfelView {
             pixels: &pixels,
@@ -207,12 +214,13 @@ fn main() {
         let tiles = f64::from(VIEW.0.div_ceil(16) * VIEW.1.div_ceil(16));
         let each = 1e9 / f64::from(count);
         println!(
-            "| {count} {order} | {:.1} | {:.0} | {:.0} | {list:.1} | {:.0} | {:.0} | {:.0} | {:.0} |",
+            "| {count} {order} | {:.1} | {:.0} | {:.0} | {list:.1} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
             recycle * each,
             build * each,
             update * each,
             near * 1e9,
             far * 1e9,
+            many * 1e9 / f64::from(LOOKUPS),
             cover * 1e9 / pixels.len() as f64,
             spawn * 1e9 / tiles,
         );

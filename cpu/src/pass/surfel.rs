@@ -246,9 +246,17 @@ const DARK: Light = Light {
 
 /// What a gather reads of a surfel.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 struct Near {
     surfel: Surfel,
     irradiance: Vec3,
+}
+
+/// A surfel in a list: its place, and [`Lattice::code`] of where it is.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    place: u32,
+    code: u32,
 }
 
 /// Copies of the surfels where neighbours in the world are neighbours in memory,
@@ -259,15 +267,85 @@ struct Neighbours {
     near: Vec<Near>,
     /// By place: how far along the curve, and the slot.
     order: Vec<(u64, u32)>,
+    /// By slot: how far along the curve, or [`NOWHERE`].
+    curve: Vec<u64>,
     /// By slot: its place, [`FRESH`] or [`NO_PLACE`].
     places: Vec<u32>,
     /// The grid's lists, as places in place of slots, in the curve's order too.
-    entries: Vec<u32>,
+    entries: Vec<Entry>,
     /// By slot of the grid: where its list is, and how long it is.
     lists: Vec<UVec2>,
+    /// By place, while lists are copied: where the surfel is.
+    codes: Vec<u32>,
+    lattice: Lattice,
+    /// Whether a surfel is no more where its entries say it is.
+    stale: bool,
     /// Slots without a place that were filled since.
     fresh: Vec<u32>,
 }
+
+/// Longest list that [`Neighbours::narrow`] takes.
+const NARROW: usize = 128;
+
+/// Points that look up their surfels at the same time.
+const ABREAST: usize = 16;
+
+/// Points that are sorted together.
+const MANY: usize = 1 << 18;
+
+/// Entries in a line of the cache.
+const LINE: usize = 8;
+
+/// Steps of a lattice to the side of a cell.
+const STEPS: f64 = 64.0;
+
+/// Positions in ten bits a coordinate, modulo 1024 steps: enough to see that a
+/// surfel cannot cover a point, without reading the surfel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lattice {
+    /// Steps a unit of length.
+    scale: f64,
+    /// Square of the largest distance, in steps, at which a surfel may cover.
+    reach: i32,
+}
+
+impl Lattice {
+    /// For surfels up to a radius.
+    fn new(inverse_cell: f32, radius: f32) -> Self {
+        let scale = STEPS * f64::from(inverse_cell.abs());
+        // A surfel covers to its radius over its normal's length, which may be
+        // 0.99; the grid's cells have the same margin.
+        let reach = f64::from(radius) * 1.03125 * scale;
+        Self {
+            scale,
+            reach: (reach * reach).ceil() as i32,
+        }
+    }
+
+    #[inline(always)]
+    fn code(self, point: Vec3) -> u32 {
+        // In double precision: of a product in f32 the last steps are lost.
+        let axis = |x: f32| (f64::from(x) * self.scale) as i64 as u32 & 1023;
+        axis(point.x) | axis(point.y) << 10 | axis(point.z) << 20
+    }
+
+    /// Whether two positions may be as near as a surfel reaches. Modulo 1024 a
+    /// distance is never longer than it is, and by its rounding to whole steps
+    /// longer by less than one.
+    #[inline(always)]
+    fn reaches(self, a: u32, b: u32) -> bool {
+        let axis = |shift: u32| {
+            // The ten bits with their sign, from the top of the word.
+            let steps = ((a >> shift).wrapping_sub(b >> shift) << 22) as i32 >> 22;
+            let least = (steps.abs() - 1).max(0);
+            least * least
+        };
+        axis(0) + axis(10) + axis(20) <= self.reach
+    }
+}
+
+/// On no curve: of 63 bits.
+const NOWHERE: u64 = u64::MAX;
 
 /// The slot had no surfel when the copies were made.
 const NO_PLACE: u32 = u32::MAX;
@@ -308,9 +386,13 @@ impl Neighbours {
         Self {
             near: Vec::new(),
             order: Vec::new(),
+            curve: Vec::new(),
             places: vec![NO_PLACE; slots],
             entries: Vec::new(),
             lists: Vec::new(),
+            codes: Vec::new(),
+            lattice: Lattice::default(),
+            stale: false,
             fresh: Vec::new(),
         }
     }
@@ -322,22 +404,38 @@ impl Neighbours {
         for slot in self.fresh.drain(..) {
             self.order.push((0, slot));
         }
+        // One after the other in memory; in the curve's order each would be
+        // waited for.
+        self.curve.clear();
+        self.curve.extend(surfels.iter().map(|surfel| {
+            if surfel_sound(*surfel) == 0 {
+                return NOWHERE;
+            }
+            curve(surfel_grid_coordinate(surfel.position, 0, cells))
+        }));
         self.order.retain_mut(|(at, slot)| {
-            let surfel = surfels[*slot as usize];
-            *at = curve(surfel_grid_coordinate(surfel.position, 0, cells));
-            surfel_sound(surfel) == 1
+            *at = self.curve[*slot as usize];
+            *at != NOWHERE
         });
         self.order.sort();
         self.places.fill(NO_PLACE);
         self.near.clear();
+        // Reads from anywhere, with little work between them: many at a time.
+        self.near.extend(self.order.iter().map(|(_, slot)| Near {
+            surfel: surfels[*slot as usize],
+            irradiance: irradiance[*slot as usize],
+        }));
         for (place, (_, slot)) in (0u32..).zip(&self.order) {
-            let slot = *slot as usize;
-            self.places[slot] = place;
-            self.near.push(Near {
-                surfel: surfels[slot],
-                irradiance: irradiance[slot],
-            });
+            self.places[*slot as usize] = place;
         }
+        let positions = || self.near.iter().map(|near| &near.surfel);
+        let widest = positions().fold(0.0, |widest: f32, s| widest.max(s.radius));
+        let lattice = Lattice::new(cells.inverse_cell, widest);
+        self.codes.clear();
+        self.codes
+            .extend(positions().map(|s| lattice.code(s.position)));
+        self.lattice = lattice;
+        self.stale = false;
         self.lists.clear();
         self.lists.resize(grid.firsts().len(), UVec2::ZERO);
         self.entries.clear();
@@ -362,9 +460,12 @@ impl Neighbours {
         let first = grid.firsts()[slot] as usize;
         if count > 0 {
             let list = &grid.entries()[first..first + count as usize];
-            let places = &self.places;
-            self.entries
-                .extend(list.iter().map(|slot| places[*slot as usize]));
+            let (places, codes) = (&self.places, &self.codes);
+            self.entries.extend(list.iter().map(|slot| {
+                let place = places[*slot as usize];
+                let code = codes[place as usize];
+                Entry { place, code }
+            }));
         }
     }
 
@@ -387,14 +488,15 @@ impl Neighbours {
     fn set(&mut self, slot: usize, surfel: Surfel) {
         if let Some(near) = self.copy(slot) {
             near.surfel = surfel;
+            self.stale = true;
         }
     }
 
     /// A free slot has been filled, with a surfel that has no light.
     fn insert(&mut self, slot: u32, surfel: Surfel) {
-        let irradiance = Vec3::ZERO;
         if let Some(near) = self.copy(slot as usize) {
-            *near = Near { surfel, irradiance };
+            near.irradiance = Vec3::ZERO;
+            self.set(slot as usize, surfel);
         } else if self.places[slot as usize] == NO_PLACE {
             self.places[slot as usize] = FRESH;
             self.fresh.push(slot);
@@ -402,23 +504,97 @@ impl Neighbours {
     }
 
     fn gather(&self, point: Vec3, normal: Vec3, grid: &SurfelGridPass) -> SurfelGathered {
+        let list = self.list(point, grid);
+        let mut kept = [0; NARROW];
+        let count = self.narrow(point, list, &mut kept);
+        self.gather_narrow(point, normal, list, count.map(|n| &kept[..n as usize]))
+    }
+
+    /// Of what [`Self::narrow`] kept, or of all.
+    fn gather_narrow(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        list: UVec2,
+        kept: Option<&[u32]>,
+    ) -> SurfelGathered {
+        let Some(kept) = kept else {
+            return surfel_gather(
+                point,
+                normal,
+                list,
+                |entry| self.read(entry).surfel,
+                |entry| self.read(entry).irradiance,
+            );
+        };
+        let near = |i: u32| &self.near[kept[i as usize] as usize];
         surfel_gather(
             point,
             normal,
-            self.list(point, grid),
-            |entry| self.read(entry).surfel,
-            |entry| self.read(entry).irradiance,
+            UVec2::new(0, kept.len() as u32),
+            |i| near(i).surfel,
+            |i| near(i).irradiance,
         )
+    }
+
+    /// [`Self::gather`] at up to [`ABREAST`] points, step by step for all of
+    /// them: one point alone would wait for the memory four times in turn.
+    fn gather_abreast(
+        &self,
+        points: &[(Vec3, Vec3)],
+        grid: &SurfelGridPass,
+        mut give: impl FnMut(usize, SurfelGathered),
+    ) {
+        let mut lists = [UVec2::ZERO; ABREAST];
+        for (list, (point, _)) in lists.iter_mut().zip(points) {
+            *list = self.list(*point, grid);
+        }
+        // What is read here is needed in the next step; the sums keep the
+        // compiler from leaving it out.
+        let mut bits = 0;
+        for list in &lists[..points.len()] {
+            let entries = &self.entries[list.x as usize..(list.x + list.y) as usize];
+            bits ^= entries
+                .iter()
+                .step_by(LINE)
+                .fold(0, |bits, e| bits ^ e.place);
+        }
+        let mut kept = [[0; NARROW]; ABREAST];
+        let mut counts = [None; ABREAST];
+        for (i, (point, _)) in points.iter().enumerate() {
+            counts[i] = self.narrow(*point, lists[i], &mut kept[i]);
+            for place in &kept[i][..counts[i].unwrap_or(0) as usize] {
+                let near = &self.near[*place as usize];
+                bits ^= near.surfel.position.x.to_bits();
+            }
+        }
+        std::hint::black_box(bits);
+        for (i, (point, normal)) in points.iter().enumerate() {
+            let kept = counts[i].map(|n| &kept[i][..n as usize]);
+            give(i, self.gather_narrow(*point, *normal, lists[i], kept));
+        }
+    }
+
+    /// The places of a list's surfels that may cover a point, in their order;
+    /// none for a list that is too long.
+    #[inline]
+    fn narrow(&self, point: Vec3, list: UVec2, kept: &mut [u32; NARROW]) -> Option<u32> {
+        let entries = self.entries[list.x as usize..].get(..list.y as usize)?;
+        if entries.len() > NARROW || self.stale {
+            return None;
+        }
+        let here = self.lattice.code(point);
+        let mut count = 0;
+        for Entry { place, code } in entries {
+            kept[count] = *place;
+            count += usize::from(self.lattice.reaches(here, *code));
+        }
+        Some(count as u32)
     }
 
     #[inline]
     fn read(&self, entry: u32) -> &Near {
-        &self.near[self.entries[entry as usize] as usize]
-    }
-
-    /// The slot that an entry names.
-    fn slot(&self, entry: u32) -> usize {
-        self.order[self.entries[entry as usize] as usize].1 as usize
+        &self.near[self.entries[entry as usize].place as usize]
     }
 }
 
@@ -940,36 +1116,57 @@ impl SurfelPass {
         let (near, grid) = (&self.neighbours, &self.grid);
         let (frame, longest) = (self.frame, self.settings.longest);
         self.jobs.clear();
-        let built = near.order.iter().map(|(_, slot)| *slot);
-        for slot in built.chain(near.fresh.iter().copied()) {
+        let built = near.order.iter().zip(&near.near);
+        let built = built.map(|((_, slot), near)| (*slot, near.surfel));
+        let fresh = near.fresh.iter();
+        let fresh = fresh.map(|slot| (*slot, self.surfels[*slot as usize]));
+        for (slot, surfel) in built.chain(fresh) {
             let Light { state, rays, .. } = self.lights[slot as usize];
             if rays > 0 {
                 self.jobs.push(Job {
                     slot,
                     rays,
-                    surfel: self.surfels[slot as usize],
+                    surfel,
                     state,
                 });
             }
         }
         if !self.jobs.is_empty() {
             for_rows(&mut self.jobs, BATCH, |_, jobs| {
-                for job in jobs {
+                // Rays that hit, and the sum of each job's.
+                let mut hits: Vec<(usize, SurfelHit)> = Vec::with_capacity(ABREAST);
+                let mut sums = [Vec3::ZERO; BATCH];
+                let gather = |hits: &mut Vec<(usize, SurfelHit)>, sums: &mut [Vec3; BATCH]| {
+                    let mut points = [(Vec3::ZERO, Vec3::ZERO); ABREAST];
+                    for (point, (_, hit)) in points.iter_mut().zip(hits.iter()) {
+                        *point = (hit.position, hit.normal);
+                    }
+                    near.gather_abreast(&points[..hits.len()], grid, |i, found| {
+                        let (job, hit) = &hits[i];
+                        sums[*job] += surfel_irradiance_outgoing(
+                            hit.albedo,
+                            hit.emission,
+                            direct(hit),
+                            found.irradiance,
+                        );
+                    });
+                    hits.clear();
+                };
+                for (index, job) in jobs.iter().enumerate() {
                     let origin = surfel_irradiance_origin(job.surfel);
-                    let mut sum = Vec3::ZERO;
                     for ray in 0..job.rays {
                         let direction =
                             surfel_irradiance_direction(job.surfel.normal, job.slot, frame, ray);
                         if let Some(hit) = trace(origin, direction) {
-                            let found = near.gather(hit.position, hit.normal, grid);
-                            sum += surfel_irradiance_outgoing(
-                                hit.albedo,
-                                hit.emission,
-                                direct(&hit),
-                                found.irradiance,
-                            );
+                            hits.push((index, hit));
+                            if hits.len() == ABREAST {
+                                gather(&mut hits, &mut sums);
+                            }
                         }
                     }
+                }
+                gather(&mut hits, &mut sums);
+                for (job, sum) in jobs.iter_mut().zip(sums) {
                     job.state = multiscale_mean_robust_rgb_step(
                         job.state,
                         surfel_irradiance_sample(sum, job.rays),
@@ -1044,6 +1241,65 @@ impl SurfelPass {
     #[must_use]
     pub fn gather(&self, point: Vec3, normal: Vec3) -> SurfelGathered {
         self.neighbours.gather(point, normal, &self.grid)
+    }
+
+    /// [`Self::gather`] at many points with their normals, in any order: the
+    /// same results, sooner where the points are far from each other. In
+    /// parallel with the feature `rayon`.
+    ///
+    /// ```
+    /// use glam::{UVec3, Vec3};
+    /// use raytwin_cpu::gi::surfel::Surfel;
+    /// use raytwin_cpu::gi::surfel_grid::SurfelGrid;
+    /// use raytwin_cpu::pass::surfel::{SurfelPass, SurfelSettings};
+    ///
+    /// let grid = SurfelGrid {
+    ///     origin: Vec3::splat(-2.0),
+    ///     inverse_cell: 2.0,
+    ///     size: UVec3::splat(8),
+    ///     slots: 512,
+    ///     inverse_reach: 0.0,
+    /// };
+    /// let mut pool = SurfelPass::new(SurfelSettings::default(), grid, 64, 512);
+    /// let surfel =
+    ///     Surfel { position: Vec3::ZERO, radius: 0.2, normal: Vec3::Y, mesh: 0 };
+    /// pool.insert(surfel);
+    /// pool.build();
+    /// let points = [(Vec3::ZERO, Vec3::Y), (Vec3::X, Vec3::Y)];
+    /// let found = pool.gather_many(&points);
+    /// assert_eq!((found[0].weight, found[1].weight), (1.0, 0.0));
+    /// ```
+    #[must_use]
+    pub fn gather_many(&self, points: &[(Vec3, Vec3)]) -> Vec<SurfelGathered> {
+        let nothing = SurfelGathered {
+            irradiance: Vec3::ZERO,
+            weight: 0.0,
+        };
+        let mut found = vec![nothing; points.len()];
+        if points.is_empty() {
+            return found;
+        }
+        // By list, and lists are in the order of their cells: points that share
+        // surfels come one after the other.
+        for_rows(&mut found, MANY, |row, found| {
+            let points = &points[row * MANY..][..found.len()];
+            let list = |i: usize| self.neighbours.list(points[i].0, &self.grid);
+            let mut order: Vec<u64> = (0..points.len())
+                .map(|i| u64::from(list(i).x) << 32 | i as u64)
+                .collect();
+            order.sort_unstable();
+            let mut some = [(Vec3::ZERO, Vec3::ZERO); ABREAST];
+            for order in order.chunks(ABREAST) {
+                for (point, i) in some.iter_mut().zip(order) {
+                    *point = points[*i as u32 as usize];
+                }
+                let near = &self.neighbours;
+                near.gather_abreast(&some[..order.len()], &self.grid, |i, one| {
+                    found[order[i] as u32 as usize] = one;
+                });
+            }
+        });
+        found
     }
 
     /// The surfels by slot; a free slot's has no radius.
@@ -1236,16 +1492,23 @@ fn cover_pixel(
 ) -> f32 {
     let list = near.list(pixel.position, grid);
     let mut sum = 0.0;
-    for i in 0..list.y.min(SURFEL_WALK) {
-        let surfel = near.read(list.x + i).surfel;
+    let mut add = |place: u32| {
+        let surfel = near.near[place as usize].surfel;
         let weight = surfel_weight(surfel, pixel.position, pixel.normal);
         if weight > 0.0 {
             sum += weight;
-            let slot = near.slot(list.x + i);
+            let slot = near.order[place as usize].1 as usize;
             if unseen[slot].load(Ordering::Relaxed) != 0 {
                 unseen[slot].store(0, Ordering::Relaxed);
             }
         }
+    };
+    let mut kept = [0; NARROW];
+    if let Some(count) = near.narrow(pixel.position, list, &mut kept) {
+        kept[..count as usize].iter().copied().for_each(add);
+    } else {
+        let entries = list.x..list.x + list.y.min(SURFEL_WALK);
+        entries.for_each(|entry| add(near.entries[entry as usize].place));
     }
     sum
 }
@@ -1292,7 +1555,51 @@ mod tests {
             assert_eq!(found.weight.to_bits(), expected.weight.to_bits());
             lit += usize::from(found.irradiance.x > 0.0);
         }
+        // Many at a time, in the order of their lists: the same.
+        let points: Vec<_> = (0..300)
+            .map(|i| (surfel(i).position + Vec3::splat(0.03), surfel(i).normal))
+            .collect();
+        let bits = |g: SurfelGathered| (g.irradiance.to_array().map(f32::to_bits), g.weight);
+        for (one, (point, normal)) in pass.gather_many(&points).into_iter().zip(points) {
+            assert_eq!(bits(one), bits(pass.gather(point, normal)));
+        }
         lit
+    }
+
+    #[test]
+    fn what_covers_a_point_is_kept() {
+        let near_by = |i: u32, scale: f32| Surfel {
+            position: Vec3::new(random(8 * i), random(8 * i + 1), random(8 * i + 2)) * scale,
+            radius: scale * (0.001 + 0.05 * random(8 * i + 3)),
+            // As short as a sound normal is.
+            normal: Vec3::new(random(8 * i + 4), random(8 * i + 5), 0.1).normalize() * 0.99,
+            mesh: 0,
+        };
+        let (mut covered, mut kept, mut left_out) = (0, 0, 0);
+        for scale in [1e-3f32, 1.0, 37.0, 1e5] {
+            // From cells smaller than a surfel to cells that hold all of them.
+            for cell in [0.002, 0.008, 0.1, 3.0] {
+                for i in 0..20_000 {
+                    let surfel = near_by(i, scale);
+                    let lattice = Lattice::new(1.0 / (cell * scale), surfel.radius);
+                    // Along the disc, where it reaches farthest, around the rim.
+                    let along = surfel.normal.cross(Vec3::new(0.3, random(8 * i + 6), 1.0));
+                    let far = 0.96 + 0.06 * random(8 * i + 7);
+                    let point = surfel.position + along.normalize() * (far * surfel.radius);
+                    let code = lattice.code(surfel.position);
+                    let reaches = lattice.reaches(lattice.code(point), code);
+                    let covers = surfel_weight(surfel, point, surfel.normal) > 0.0;
+                    assert!(reaches || !covers, "{surfel:?} {point} cell {cell}");
+                    covered += usize::from(covers);
+                    let other = near_by(i + 20_000, scale).position - Vec3::splat(0.5 * scale);
+                    let reaches = lattice.reaches(lattice.code(other), code);
+                    kept += usize::from(reaches);
+                    left_out += usize::from(!reaches);
+                }
+            }
+        }
+        println!("{covered} cover; of others {kept} kept, {left_out} left out");
+        assert!(covered > 100_000 && left_out > 100_000);
     }
 
     #[test]

@@ -3,6 +3,8 @@
 //!
 //! Count, sum, scatter. A list holds each surfel once, in the order of their
 //! numbers; so does the GPU's, which sorts, since its scatter has no order.
+//! Entries are first dealt to groups of neighbouring slots, so that what is
+//! counted and scattered at a time fits into a cache.
 
 use glam::{UVec2, Vec3};
 
@@ -41,10 +43,21 @@ pub struct SurfelGridPass {
     capacity: u32,
     first: Vec<u32>,
     count: Vec<u32>,
+    groups: Vec<Vec<Listed>>,
     cells: Vec<Cell>,
     entries: Vec<u32>,
     dropped: u32,
     homeless: u32,
+}
+
+/// Groups of slots.
+const GROUPS: usize = 256;
+
+/// An entry to be: a surfel in the list of a slot.
+#[derive(Clone, Copy, Debug)]
+struct Listed {
+    slot: u32,
+    surfel: u32,
 }
 
 /// A slot while its list is built, in one place of memory.
@@ -105,7 +118,8 @@ impl SurfelGridPass {
             capacity,
             first: vec![0; slots],
             count: vec![0; slots],
-            cells: vec![Cell::default(); slots],
+            groups: vec![Vec::new(); GROUPS],
+            cells: Vec::new(),
             entries: Vec::new(),
             dropped: 0,
             homeless: 0,
@@ -137,44 +151,51 @@ impl SurfelGridPass {
     /// assert_eq!(lists.list(surfel.position).y, 0);
     /// ```
     pub fn build(&mut self, surfels: &[Surfel]) {
-        self.cells.fill(Cell::default());
+        let span = self.first.len().div_ceil(GROUPS).next_power_of_two();
+        let shift = span.trailing_zeros();
         self.homeless = 0;
-        for surfel in surfels {
-            let cells = &mut self.cells;
-            let whole = for_slots(*surfel, self.grid, |slot| {
-                let count = &mut cells[slot as usize].count;
-                *count = count.saturating_add(1);
+        for group in &mut self.groups {
+            group.clear();
+        }
+        for (surfel, place) in (0u32..).zip(surfels) {
+            let groups = &mut self.groups;
+            let whole = for_slots(*place, self.grid, |slot| {
+                groups[(slot >> shift) as usize].push(Listed { slot, surfel });
             });
             self.homeless += u32::from(!whole);
         }
-        let mut at = 0u32;
         self.dropped = 0;
-        for (cell, first) in self.cells.iter_mut().zip(&mut self.first) {
-            let count = cell.count;
-            let kept = surfel_grid_kept(at, count, self.capacity);
-            *first = at;
-            cell.next = at;
-            cell.end = at.saturating_add(kept);
-            self.dropped = self.dropped.saturating_add(count - kept);
-            at = at.saturating_add(count);
-        }
         self.entries.clear();
-        self.entries.resize(at.min(self.capacity) as usize, 0);
-        for (index, surfel) in (0u32..).zip(surfels) {
-            let (cells, entries) = (&mut self.cells, &mut self.entries);
-            for_slots(*surfel, self.grid, |slot| {
-                let cell = &mut cells[slot as usize];
-                let known = cell.last == index.wrapping_add(1);
+        let mut at = 0u32;
+        let lists = self.first.chunks_mut(span).zip(self.count.chunks_mut(span));
+        for ((firsts, counts), group) in lists.zip(&self.groups) {
+            self.cells.clear();
+            self.cells.resize(span, Cell::default());
+            for listed in group {
+                self.cells[listed.slot as usize & (span - 1)].count += 1;
+            }
+            for (cell, first) in self.cells.iter_mut().zip(firsts.iter_mut()) {
+                let kept = surfel_grid_kept(at, cell.count, self.capacity);
+                *first = at;
+                cell.next = at;
+                cell.end = at.saturating_add(kept);
+                self.dropped = self.dropped.saturating_add(cell.count - kept);
+                at = at.saturating_add(cell.count);
+            }
+            self.entries.resize(at.min(self.capacity) as usize, 0);
+            for Listed { slot, surfel } in group {
+                let cell = &mut self.cells[*slot as usize & (span - 1)];
+                let known = cell.last == surfel.wrapping_add(1);
                 if cell.next < cell.end && !known {
-                    entries[cell.next as usize] = index;
+                    self.entries[cell.next as usize] = *surfel;
                     cell.next += 1;
-                    cell.last = index.wrapping_add(1);
+                    cell.last = surfel.wrapping_add(1);
                 }
-            });
-        }
-        let lists = self.first.iter().zip(&self.cells);
-        for (count, (first, cell)) in self.count.iter_mut().zip(lists) {
-            *count = cell.next - first;
+            }
+            let built = firsts.iter().zip(&self.cells);
+            for (count, (first, cell)) in counts.iter_mut().zip(built) {
+                *count = cell.next - first;
+            }
         }
     }
 
