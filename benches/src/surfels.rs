@@ -23,7 +23,7 @@ use raytwin_cpu::ray::camera::{Camera, camera_ray};
 use raytwin_cpu::ray::ray::Ray;
 use raytwin_cpu::sample::basis::{basis_from_normal, basis_to_world};
 use raytwin_cpu::sample::hemisphere::hemisphere_cosine_sample;
-use raytwin_tests::scene::Scene;
+use raytwin_tests::scene::{Camera as SceneCamera, Scene};
 
 use crate::sequence::cache::{self, Fingerprint};
 use crate::sequence::metrics::{errors, flip};
@@ -110,7 +110,7 @@ pub struct Room {
     normals: Vec<Vec3>,
     albedos: Vec<Vec3>,
     lamp: Lamp,
-    camera: raytwin_tests::scene::Camera,
+    camera: SceneCamera,
     /// Area of what there is.
     area: f32,
     center: Vec3,
@@ -166,7 +166,7 @@ impl Room {
             size: Vec2::splat(0.5),
             radiance: vec3(17.0, 13.5, 9.0),
         };
-        let camera = raytwin_tests::scene::Camera {
+        let camera = SceneCamera {
             eye: vec3(0.0, 1.0, 3.9),
             target: vec3(0.0, 1.0, 0.0),
             up: Vec3::Y,
@@ -205,7 +205,7 @@ impl Room {
         indices: &[[u32; 3]],
         albedos: Vec<Vec3>,
         lamp: Lamp,
-        camera: raytwin_tests::scene::Camera,
+        camera: SceneCamera,
         reach: f32,
     ) -> Result<Self, StageError> {
         let bvh = Bvh::build(positions, indices, BuildQuality::Medium)?;
@@ -455,7 +455,7 @@ impl Room {
         numbers.chunks_exact(3).map(Vec3::from_slice).collect()
     }
 
-    fn view(&self, camera: raytwin_tests::scene::Camera, settings: &SurfelReportSettings) -> View {
+    fn view(&self, camera: SceneCamera, settings: &SurfelReportSettings) -> View {
         let size = settings.size;
         let forward = (camera.target - camera.eye).normalize();
         let right = forward.cross(camera.up).normalize();
@@ -777,14 +777,14 @@ pub fn measure(
     progress("reference, the lamp changed");
     let after = changed.reference(&still, settings);
     let lit_after = changed.lit(&still);
-    let flown: Vec<(u32, View)> = flight(&room, settings);
+    let flown = flight(&room, settings);
     let mut references = HashMap::new();
-    for (frame, view) in flown
-        .iter()
-        .filter(|(f, _)| landmarks(settings).contains(f))
-    {
-        progress(&format!("reference, camera at {frame}"));
-        references.insert(*frame, (room.reference(view, settings), room.lit(view)));
+    for (frame, at) in &flown {
+        if landmarks(settings).contains(frame) {
+            progress(&format!("reference, camera at {frame}"));
+            let view = room.view(*at, settings);
+            references.insert(*frame, (room.reference(&view, settings), room.lit(&view)));
+        }
     }
     let size = shown_size(settings);
     let mut show = |name: &str, caption: String, pixels: Vec<Vec3>| {
@@ -889,11 +889,13 @@ pub fn measure(
         );
         // The camera flies from where it stood: after the lamp went out the light
         // would still be on its way back, which is no fault of the flight.
-        for (frame, view) in &flown {
-            run.step(view);
+        for (frame, at) in &flown {
+            let view = room.view(*at, settings);
+            run.step(&view);
             if let Some((reference, lit)) = references.get(frame) {
+                let event = "while the camera flies";
                 out.errors
-                    .push(run.error("while the camera flies", *frame, view, lit, reference));
+                    .push(run.error(event, *frame, &view, lit, reference));
             }
         }
         for _ in 0..settings.frames / 2 {
@@ -978,7 +980,7 @@ fn landmarks(settings: &SurfelReportSettings) -> [u32; 3] {
 }
 
 /// The camera moves sideways and forward and turns.
-fn flight(room: &Room, settings: &SurfelReportSettings) -> Vec<(u32, View)> {
+fn flight(room: &Room, settings: &SurfelReportSettings) -> Vec<(u32, SceneCamera)> {
     let frames = settings.frames / 2;
     let camera = room.camera;
     let view = camera.target - camera.eye;
@@ -989,7 +991,7 @@ fn flight(room: &Room, settings: &SurfelReportSettings) -> Vec<(u32, View)> {
             let mut at = camera;
             at.eye += right * (0.25 * t * view.length()) + view * (0.2 * t);
             at.target -= right * (0.1 * t * view.length());
-            (frame, room.view(at, settings))
+            (frame, at)
         })
         .collect()
 }

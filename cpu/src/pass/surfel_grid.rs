@@ -4,10 +4,13 @@
 //! Count, sum, scatter. A list holds each surfel once, in the order of their
 //! numbers; so does the GPU's, which sorts, since its scatter has no order.
 //! Entries are first dealt to groups of neighbouring slots, so that what is
-//! counted and scattered at a time fits into a cache.
+//! counted and scattered at a time fits into a cache. Surfels are dealt some
+//! thousands at a time, and groups are built each for itself: in parallel with
+//! the feature `rayon`, and no order of threads changes a list.
 
 use glam::{UVec2, Vec3};
 
+use super::svgf::for_rows;
 use crate::gi::surfel::Surfel;
 use crate::gi::surfel_grid::{
     SURFEL_GRID_NOWHERE, SurfelGrid, surfel_grid_cell, surfel_grid_count, surfel_grid_find,
@@ -43,8 +46,7 @@ pub struct SurfelGridPass {
     capacity: u32,
     first: Vec<u32>,
     count: Vec<u32>,
-    groups: Vec<Vec<Listed>>,
-    cells: Vec<Cell>,
+    hands: Vec<Hand>,
     entries: Vec<u32>,
     dropped: u32,
     homeless: u32,
@@ -53,11 +55,82 @@ pub struct SurfelGridPass {
 /// Groups of slots.
 const GROUPS: usize = 256;
 
+/// Surfels that are dealt together.
+const DEALT: usize = 16_384;
+
 /// An entry to be: a surfel in the list of a slot.
 #[derive(Clone, Copy, Debug)]
 struct Listed {
     slot: u32,
     surfel: u32,
+}
+
+/// Entries of surfels that were dealt together, by group.
+#[derive(Clone, Debug)]
+struct Hand {
+    groups: Vec<Vec<Listed>>,
+    homeless: u32,
+}
+
+impl Hand {
+    /// Deals surfels, of which the first has the number `from`, to groups of
+    /// `2^shift` slots.
+    fn deal(&mut self, from: u32, surfels: &[Surfel], grid: SurfelGrid, shift: u32) {
+        self.homeless = 0;
+        for group in &mut self.groups {
+            group.clear();
+        }
+        for (number, place) in (from..).zip(surfels) {
+            let groups = &mut self.groups;
+            let whole = for_slots(*place, grid, |slot| {
+                let surfel = number;
+                groups[(slot >> shift) as usize].push(Listed { slot, surfel });
+            });
+            self.homeless += u32::from(!whole);
+        }
+    }
+}
+
+/// The lists of a group's slots.
+struct Group<'a> {
+    firsts: &'a mut [u32],
+    counts: &'a mut [u32],
+    /// From the entry `at` on, as far as there is room.
+    entries: &'a mut [u32],
+    at: u32,
+    dropped: u32,
+}
+
+impl Group<'_> {
+    /// Builds the lists of what was dealt to group `index`, of `span` slots.
+    fn build(&mut self, hands: &[Hand], index: usize, span: usize, capacity: u32) {
+        let dealt = || hands.iter().flat_map(|hand| &hand.groups[index]);
+        let mut cells = vec![Cell::default(); span];
+        for listed in dealt() {
+            cells[listed.slot as usize & (span - 1)].count += 1;
+        }
+        let mut at = self.at;
+        for (cell, first) in cells.iter_mut().zip(self.firsts.iter_mut()) {
+            let kept = surfel_grid_kept(at, cell.count, capacity);
+            *first = at;
+            cell.next = at;
+            cell.end = at.saturating_add(kept);
+            self.dropped = self.dropped.saturating_add(cell.count - kept);
+            at = at.saturating_add(cell.count);
+        }
+        for Listed { slot, surfel } in dealt() {
+            let cell = &mut cells[*slot as usize & (span - 1)];
+            let known = cell.last == surfel.wrapping_add(1);
+            if cell.next < cell.end && !known {
+                self.entries[(cell.next - self.at) as usize] = *surfel;
+                cell.next += 1;
+                cell.last = surfel.wrapping_add(1);
+            }
+        }
+        for (count, (first, cell)) in self.counts.iter_mut().zip(self.firsts.iter().zip(&cells)) {
+            *count = cell.next - first;
+        }
+    }
 }
 
 /// A slot while its list is built, in one place of memory.
@@ -118,8 +191,7 @@ impl SurfelGridPass {
             capacity,
             first: vec![0; slots],
             count: vec![0; slots],
-            groups: vec![Vec::new(); GROUPS],
-            cells: Vec::new(),
+            hands: Vec::new(),
             entries: Vec::new(),
             dropped: 0,
             homeless: 0,
@@ -153,50 +225,51 @@ impl SurfelGridPass {
     pub fn build(&mut self, surfels: &[Surfel]) {
         let span = self.first.len().div_ceil(GROUPS).next_power_of_two();
         let shift = span.trailing_zeros();
-        self.homeless = 0;
-        for group in &mut self.groups {
-            group.clear();
-        }
-        for (surfel, place) in (0u32..).zip(surfels) {
-            let groups = &mut self.groups;
-            let whole = for_slots(*place, self.grid, |slot| {
-                groups[(slot >> shift) as usize].push(Listed { slot, surfel });
+        let grid = self.grid;
+        self.hands
+            .resize_with(surfels.len().div_ceil(DEALT), || Hand {
+                groups: vec![Vec::new(); GROUPS],
+                homeless: 0,
             });
-            self.homeless += u32::from(!whole);
+        if !surfels.is_empty() {
+            for_rows(&mut self.hands, 1, |i, hand| {
+                let from = i * DEALT;
+                let part = &surfels[from..surfels.len().min(from + DEALT)];
+                hand[0].deal(from as u32, part, grid, shift);
+            });
         }
-        self.dropped = 0;
+        let hands = &self.hands;
+        self.homeless = hands.iter().map(|hand| hand.homeless).sum();
+        let size = |group: usize| {
+            let sizes = hands.iter().map(|hand| hand.groups[group].len() as u32);
+            sizes.fold(0, u32::saturating_add)
+        };
+        let all = (0..GROUPS).map(size).fold(0, u32::saturating_add);
         self.entries.clear();
-        let mut at = 0u32;
+        self.entries.resize(all.min(self.capacity) as usize, 0);
+        let mut groups = Vec::with_capacity(GROUPS);
+        let (mut at, mut rest) = (0u32, &mut self.entries[..]);
         let lists = self.first.chunks_mut(span).zip(self.count.chunks_mut(span));
-        for ((firsts, counts), group) in lists.zip(&self.groups) {
-            self.cells.clear();
-            self.cells.resize(span, Cell::default());
-            for listed in group {
-                self.cells[listed.slot as usize & (span - 1)].count += 1;
-            }
-            for (cell, first) in self.cells.iter_mut().zip(firsts.iter_mut()) {
-                let kept = surfel_grid_kept(at, cell.count, self.capacity);
-                *first = at;
-                cell.next = at;
-                cell.end = at.saturating_add(kept);
-                self.dropped = self.dropped.saturating_add(cell.count - kept);
-                at = at.saturating_add(cell.count);
-            }
-            self.entries.resize(at.min(self.capacity) as usize, 0);
-            for Listed { slot, surfel } in group {
-                let cell = &mut self.cells[*slot as usize & (span - 1)];
-                let known = cell.last == surfel.wrapping_add(1);
-                if cell.next < cell.end && !known {
-                    self.entries[cell.next as usize] = *surfel;
-                    cell.next += 1;
-                    cell.last = surfel.wrapping_add(1);
-                }
-            }
-            let built = firsts.iter().zip(&self.cells);
-            for (count, (first, cell)) in counts.iter_mut().zip(built) {
-                *count = cell.next - first;
-            }
+        for (index, (firsts, counts)) in lists.enumerate() {
+            let (entries, others) = rest.split_at_mut((size(index) as usize).min(rest.len()));
+            rest = others;
+            groups.push(Group {
+                firsts,
+                counts,
+                entries,
+                at,
+                dropped: 0,
+            });
+            at = at.saturating_add(size(index));
         }
+        if !groups.is_empty() {
+            let capacity = self.capacity;
+            for_rows(&mut groups, 1, |index, group| {
+                group[0].build(hands, index, span, capacity);
+            });
+        }
+        let dropped = groups.iter().map(|group| group.dropped);
+        self.dropped = dropped.fold(0, u32::saturating_add);
     }
 
     /// The cells.
