@@ -290,6 +290,12 @@ const NARROW: usize = 128;
 /// Points that look up their surfels at the same time.
 const ABREAST: usize = 16;
 
+/// What a gather finds where no surfel is.
+const NOTHING: SurfelGathered = SurfelGathered {
+    irradiance: Vec3::ZERO,
+    weight: 0.0,
+};
+
 /// Points that are sorted together.
 const MANY: usize = 1 << 18;
 
@@ -572,6 +578,30 @@ impl Neighbours {
         for (i, (point, normal)) in points.iter().enumerate() {
             let kept = counts[i].map(|n| &kept[i][..n as usize]);
             give(i, self.gather_narrow(*point, *normal, lists[i], kept));
+        }
+    }
+
+    /// [`Self::gather`] at any number of points, by list, and lists are in the
+    /// order of their cells: points that share surfels come one after the other.
+    fn gather_sorted(
+        &self,
+        points: &[(Vec3, Vec3)],
+        found: &mut [SurfelGathered],
+        grid: &SurfelGridPass,
+    ) {
+        let mut order: Vec<u64> = (0u64..)
+            .zip(points)
+            .map(|(i, (point, _))| u64::from(self.list(*point, grid).x) << 32 | i)
+            .collect();
+        order.sort_unstable();
+        let mut some = [(Vec3::ZERO, Vec3::ZERO); ABREAST];
+        for order in order.chunks(ABREAST) {
+            for (point, i) in some.iter_mut().zip(order) {
+                *point = points[*i as u32 as usize];
+            }
+            self.gather_abreast(&some[..order.len()], grid, |i, one| {
+                found[order[i] as u32 as usize] = one;
+            });
         }
     }
 
@@ -1133,25 +1163,7 @@ impl SurfelPass {
         }
         if !self.jobs.is_empty() {
             for_rows(&mut self.jobs, BATCH, |_, jobs| {
-                // Rays that hit, and the sum of each job's.
-                let mut hits: Vec<(usize, SurfelHit)> = Vec::with_capacity(ABREAST);
-                let mut sums = [Vec3::ZERO; BATCH];
-                let gather = |hits: &mut Vec<(usize, SurfelHit)>, sums: &mut [Vec3; BATCH]| {
-                    let mut points = [(Vec3::ZERO, Vec3::ZERO); ABREAST];
-                    for (point, (_, hit)) in points.iter_mut().zip(hits.iter()) {
-                        *point = (hit.position, hit.normal);
-                    }
-                    near.gather_abreast(&points[..hits.len()], grid, |i, found| {
-                        let (job, hit) = &hits[i];
-                        sums[*job] += surfel_irradiance_outgoing(
-                            hit.albedo,
-                            hit.emission,
-                            direct(hit),
-                            found.irradiance,
-                        );
-                    });
-                    hits.clear();
-                };
+                let mut hits: Vec<(usize, SurfelHit)> = Vec::with_capacity(jobs.len());
                 for (index, job) in jobs.iter().enumerate() {
                     let origin = surfel_irradiance_origin(job.surfel);
                     for ray in 0..job.rays {
@@ -1159,13 +1171,21 @@ impl SurfelPass {
                             surfel_irradiance_direction(job.surfel.normal, job.slot, frame, ray);
                         if let Some(hit) = trace(origin, direction) {
                             hits.push((index, hit));
-                            if hits.len() == ABREAST {
-                                gather(&mut hits, &mut sums);
-                            }
                         }
                     }
                 }
-                gather(&mut hits, &mut sums);
+                let points: Vec<_> = hits.iter().map(|(_, h)| (h.position, h.normal)).collect();
+                let mut found = vec![NOTHING; hits.len()];
+                near.gather_sorted(&points, &mut found, grid);
+                let mut sums = [Vec3::ZERO; BATCH];
+                for ((job, hit), found) in hits.iter().zip(found) {
+                    sums[*job] += surfel_irradiance_outgoing(
+                        hit.albedo,
+                        hit.emission,
+                        direct(hit),
+                        found.irradiance,
+                    );
+                }
                 for (job, sum) in jobs.iter_mut().zip(sums) {
                     job.state = multiscale_mean_robust_rgb_step(
                         job.state,
@@ -1271,34 +1291,13 @@ impl SurfelPass {
     /// ```
     #[must_use]
     pub fn gather_many(&self, points: &[(Vec3, Vec3)]) -> Vec<SurfelGathered> {
-        let nothing = SurfelGathered {
-            irradiance: Vec3::ZERO,
-            weight: 0.0,
-        };
-        let mut found = vec![nothing; points.len()];
-        if points.is_empty() {
-            return found;
+        let mut found = vec![NOTHING; points.len()];
+        if !points.is_empty() {
+            for_rows(&mut found, MANY, |row, found| {
+                let points = &points[row * MANY..][..found.len()];
+                self.neighbours.gather_sorted(points, found, &self.grid);
+            });
         }
-        // By list, and lists are in the order of their cells: points that share
-        // surfels come one after the other.
-        for_rows(&mut found, MANY, |row, found| {
-            let points = &points[row * MANY..][..found.len()];
-            let list = |i: usize| self.neighbours.list(points[i].0, &self.grid);
-            let mut order: Vec<u64> = (0..points.len())
-                .map(|i| u64::from(list(i).x) << 32 | i as u64)
-                .collect();
-            order.sort_unstable();
-            let mut some = [(Vec3::ZERO, Vec3::ZERO); ABREAST];
-            for order in order.chunks(ABREAST) {
-                for (point, i) in some.iter_mut().zip(order) {
-                    *point = points[*i as u32 as usize];
-                }
-                let near = &self.neighbours;
-                near.gather_abreast(&some[..order.len()], &self.grid, |i, one| {
-                    found[order[i] as u32 as usize] = one;
-                });
-            }
-        });
         found
     }
 
