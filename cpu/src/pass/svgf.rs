@@ -410,6 +410,11 @@ fn add_weighed<const C: usize, const N: usize, const MASKED: bool>(
 /// `svgf_gaussian_pixel` of a block, from the rows above to below.
 #[inline(always)]
 fn gaussian<const C: usize>(rows: &[Option<Row<'_, C>>; 3], at: usize) -> Block {
+    if let [Some(above), Some(own), Some(below)] = rows
+        && [above, own, below].map(|r| r.whole(at - 1, at + LANES + 1)) == [true; 3]
+    {
+        return gaussian_whole([above.variance, own.variance, below.variance], at);
+    }
     let (mut sum, mut total): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
     let (mut low, mut high): (Block, Block) = ([f32::MAX; LANES], [0.0; LANES]);
     for (k, row) in rows.iter().enumerate() {
@@ -445,6 +450,30 @@ fn gaussian<const C: usize>(rows: &[Option<Row<'_, C>>; 3], at: usize) -> Block 
     for l in 0..LANES {
         let mean = most(least(sum[l] / total[l], high[l]), low[l]);
         out[l] = if total[l] > 0.0 { mean } else { 0.0 };
+    }
+    out
+}
+
+/// [`gaussian`] where all is data: the weights' sum is 1, exactly.
+#[inline(always)]
+fn gaussian_whole(rows: [&[f32]; 3], at: usize) -> Block {
+    let mut variances = [[EMPTY; 3]; 3];
+    for k in 0..3 {
+        variances[k] = blocks(rows[k], [at - 1, at, at + 1]);
+    }
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let (mut sum, mut low, mut high) = (0.0, f32::MAX, 0.0);
+        for k in 0..3 {
+            let down = if k == 1 { 0.5 } else { 0.25 };
+            for j in 0..3 {
+                let v = variances[k][j][l];
+                sum += if j == 1 { 0.5 * down } else { 0.25 * down } * v;
+                low = least(low, v);
+                high = most(high, v);
+            }
+        }
+        out[l] = most(least(sum, high), low);
     }
     out
 }
