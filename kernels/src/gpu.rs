@@ -6,7 +6,8 @@
 use wgpu::util::DeviceExt;
 
 /// The two storage buffers that `ray/bvh`'s ready bindings read, with their
-/// bind group.
+/// bind group; a third one with the masks of `ray/bvh_filter` where it is asked
+/// for.
 ///
 /// ```no_run
 /// # fn demo(device: &wgpu::Device, bvh: &raytwin::ray::bvh_build::Bvh)
@@ -26,6 +27,7 @@ use wgpu::util::DeviceExt;
 pub struct BvhBuffers {
     nodes: wgpu::Buffer,
     triangles: wgpu::Buffer,
+    masks: Option<wgpu::Buffer>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
 }
@@ -33,6 +35,9 @@ pub struct BvhBuffers {
 impl BvhBuffers {
     /// The bind group index that the ready bindings use.
     pub const GROUP: u32 = 2;
+
+    /// The binding of the masks.
+    pub const MASKS: u32 = 125;
 
     /// The WGSL of the ready bindings: it defines `bvh_read_node` and
     /// `bvh_read_triangle` over group [`Self::GROUP`], bindings 0 and 1.
@@ -61,6 +66,65 @@ impl BvhBuffers {
     /// ```
     #[must_use]
     pub fn new(device: &wgpu::Device, nodes: &[u32], triangles: &[u32]) -> Self {
+        Self::build(device, nodes, triangles, None)
+    }
+
+    /// As [`Self::new`], with masks for `ray/bvh_filter`: a word for each triangle
+    /// of the mesh. A triangle beyond their end has all bits, so an empty slice is
+    /// a mesh without masks.
+    ///
+    /// ```no_run
+    /// # fn demo(device: &wgpu::Device, bvh: &raytwin::ray::bvh_build::Bvh)
+    /// #     -> Result<(), raytwin::wgsl::LinkError> {
+    /// use raytwin::gpu::BvhBuffers;
+    ///
+    /// // Bit 1 for what casts shadows, say.
+    /// let masks = vec![1; bvh.triangles.len()];
+    /// let buffers = BvhBuffers::with_masks(
+    ///     device, &bvh.node_words(), &bvh.triangle_words(), &masks,
+    /// );
+    /// let source = raytwin::wgsl::link(&["ray/bvh_filter"])?
+    ///     + BvhBuffers::bindings_wgsl()
+    ///     + BvhBuffers::mask_bindings_wgsl()
+    ///     + "@compute @workgroup_size(64) fn main() {
+    ///         /* bvh_any_of(ray, BVH_FACES_BOTH, 1u) */
+    ///     }";
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn with_masks(
+        device: &wgpu::Device,
+        nodes: &[u32],
+        triangles: &[u32],
+        masks: &[u32],
+    ) -> Self {
+        // A binding may not be empty.
+        let masks = if masks.is_empty() { &[u32::MAX] } else { masks };
+        Self::build(device, nodes, triangles, Some(masks))
+    }
+
+    /// The WGSL that defines `bvh_read_mask` over group [`Self::GROUP`], binding
+    /// [`Self::MASKS`].
+    ///
+    /// ```
+    /// use raytwin::gpu::BvhBuffers;
+    /// let text = BvhBuffers::mask_bindings_wgsl();
+    /// assert!(text.contains(&format!("@binding({})", BvhBuffers::MASKS)));
+    /// ```
+    #[must_use]
+    pub fn mask_bindings_wgsl() -> &'static str {
+        raytwin_wgsl::module("ray/bvh_filter")
+            .and_then(|module| module.bindings)
+            .unwrap_or_default()
+    }
+
+    fn build(
+        device: &wgpu::Device,
+        nodes: &[u32],
+        triangles: &[u32],
+        masks: Option<&[u32]>,
+    ) -> Self {
         // A binding may not be empty: a node of zeros has no child and no
         // triangle, a triangle of zeros has no area.
         let upload = |label, words: &[u32], least: usize| {
@@ -74,37 +138,42 @@ impl BvhBuffers {
         };
         let nodes = upload("raytwin bvh nodes", nodes, 8);
         let triangles = upload("raytwin bvh triangles", triangles, 12);
-        let entry = |binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: true },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
+        let masks = masks.map(|masks| upload("raytwin bvh masks", masks, 1));
+        let mut bound = vec![(0, &nodes), (1, &triangles)];
+        bound.extend(masks.iter().map(|masks| (Self::MASKS, masks)));
+        let entries: Vec<_> = bound
+            .iter()
+            .map(|(binding, _)| wgpu::BindGroupLayoutEntry {
+                binding: *binding,
+                visibility: wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: true },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("raytwin bvh"),
-            entries: &[entry(0), entry(1)],
+            entries: &entries,
         });
+        let entries: Vec<_> = bound
+            .iter()
+            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding: *binding,
+                resource: buffer.as_entire_binding(),
+            })
+            .collect();
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("raytwin bvh"),
             layout: &layout,
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: nodes.as_entire_binding(),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: triangles.as_entire_binding(),
-                },
-            ],
+            entries: &entries,
         });
         Self {
             nodes,
             triangles,
+            masks,
             layout,
             bind_group,
         }
@@ -152,6 +221,7 @@ impl BvhBuffers {
     /// ```
     #[must_use]
     pub fn size(&self) -> u64 {
-        self.nodes.size() + self.triangles.size()
+        let masks = self.masks.as_ref().map_or(0, wgpu::Buffer::size);
+        self.nodes.size() + self.triangles.size() + masks
     }
 }

@@ -50,6 +50,7 @@ registry! {
     random / pcg;
     ray / aabb;
     ray / bvh;
+    ray / bvh_filter;
     ray / camera;
     ray / instance;
     ray / plane;

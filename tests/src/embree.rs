@@ -5,8 +5,9 @@
 //! on every ray and keeps its scene handle to itself, so timing and the hard
 //! set go through this; the tests check once that both agree.
 
-use std::ffi::c_int;
+use std::ffi::{c_int, c_void};
 use std::ptr::null_mut;
+use std::sync::atomic::{AtomicIsize, Ordering};
 use std::time::{Duration, Instant};
 
 use embree4_sys::{
@@ -95,6 +96,17 @@ pub struct EmbreeScene {
     device: RTCDevice,
     scene: RTCScene,
     build: Duration,
+    memory: usize,
+    /// What the device takes; it keeps the address.
+    taken: Box<AtomicIsize>,
+}
+
+/// Counts what a device takes and gives back.
+unsafe extern "C" fn count(taken: *mut c_void, bytes: isize, _post: bool) -> bool {
+    // SAFETY: the pointer is that of `EmbreeScene::taken`, which lives as long as
+    // the device.
+    unsafe { &*taken.cast::<AtomicIsize>() }.fetch_add(bytes, Ordering::Relaxed);
+    true
 }
 
 // SAFETY: a committed scene is only read, which Embree allows from any number
@@ -138,12 +150,17 @@ impl EmbreeScene {
                     doing: "creating a device",
                 });
             }
+            let taken = Box::new(AtomicIsize::new(0));
+            let user = std::ptr::from_ref(&*taken).cast_mut().cast::<c_void>();
+            (embree.rtcSetDeviceMemoryMonitorFunction)(device, Some(count), user);
             let scene = (embree.rtcNewScene)(device);
             let mut this = Self {
                 embree,
                 device,
                 scene,
                 build: Duration::ZERO,
+                memory: 0,
+                taken,
             };
             (embree.rtcSetSceneBuildQuality)(scene, options.quality);
             if options.robust {
@@ -184,9 +201,12 @@ impl EmbreeScene {
                     .cast::<[u32; 3]>()
                     .copy_from_nonoverlapping(indices.as_ptr(), indices.len());
             }
+            let before = this.taken.load(Ordering::Relaxed);
             (embree.rtcCommitGeometry)(geometry);
             (embree.rtcCommitScene)(scene);
             this.build = start.elapsed();
+            let after = this.taken.load(Ordering::Relaxed);
+            this.memory = usize::try_from(after - before).unwrap_or_default();
             this.check("building")?;
             Ok(this)
         }
@@ -204,6 +224,13 @@ impl EmbreeScene {
     #[must_use]
     pub fn build_time(&self) -> Duration {
         self.build
+    }
+
+    /// Bytes that the tree takes, without the vertices and indices that it was
+    /// given, as Embree itself counts them.
+    #[must_use]
+    pub fn memory(&self) -> usize {
+        self.memory
     }
 
     /// Version of the library, as `4.4.0`.

@@ -63,6 +63,7 @@ pub struct Readme;
 #[doc = include_str!("../../docs/random/pcg.md")]
 #[doc = include_str!("../../docs/ray/aabb.md")]
 #[doc = include_str!("../../docs/ray/bvh.md")]
+#[doc = include_str!("../../docs/ray/bvh_filter.md")]
 #[doc = include_str!("../../docs/ray/camera.md")]
 #[doc = include_str!("../../docs/ray/instance.md")]
 #[doc = include_str!("../../docs/ray/plane.md")]

@@ -438,3 +438,51 @@ fn a_bad_index_is_an_error() {
             .contains("vertex 4 of 4")
     );
 }
+
+/// Pages that this process has in memory, as bytes; `None` where nobody says.
+fn resident() -> Option<usize> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: usize = text.split_whitespace().nth(1)?.parse().ok()?;
+    Some(4096 * pages)
+}
+
+/// What Embree says that its tree takes is neither nothing nor all that the
+/// process takes. `--nocapture` shows bytes a triangle, ours beside.
+#[test]
+fn memory_is_that_of_the_tree() {
+    use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    assert_eq!(scene(&[], &[], EmbreeOptions::default()).memory() / 4096, 0);
+    let sizes: &[usize] = match std::env::var_os("RAYTWIN_FULL") {
+        Some(_) => &[10_000, 100_000, 1_000_000],
+        None => &[10_000, 100_000],
+    };
+    for &size in sizes {
+        let mesh = displaced_sphere(size);
+        let positions: Vec<_> = mesh.positions.iter().map(|p| p.to_array()).collect();
+        let count = mesh.indices.len() as f64;
+        let mut memory = [0.0; 2];
+        for (memory, robust) in memory.iter_mut().zip([false, true]) {
+            let options = EmbreeOptions {
+                robust,
+                threads: 1,
+                ..Default::default()
+            };
+            let before = resident();
+            let scene = scene(&positions, &mesh.indices, options);
+            let after = resident();
+            *memory = scene.memory() as f64 / count;
+            let given = 12.0 * (positions.len() + mesh.indices.len()) as f64;
+            let taken = before
+                .zip(after)
+                .map(|(before, after)| (after.saturating_sub(before) as f64 - given) / count);
+            println!("{count}, robust {robust}: {memory:.1}, the process {taken:.1?}");
+        }
+        let bvh = Bvh::build(&mesh.positions, &mesh.indices, BuildQuality::Medium);
+        let wide = bvh.expect("a plain mesh").wide().expect("a sound tree");
+        println!("{count}, ours: {:.1}", wide.bytes() as f64 / count);
+        // A triangle's vertices or its indices, and its part of a node.
+        for memory in memory {
+            assert!(memory > 12.0 && memory < 400.0, "{memory}");
+        }
+    }
+}

@@ -31,11 +31,28 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }";
 
 fn trace(gpu: &Gpu, nodes: &[u32], triangles: &[u32]) -> Vec<u32> {
-    let device = gpu.device();
-    let buffers = BvhBuffers::new(device, nodes, triangles);
+    let buffers = BvhBuffers::new(gpu.device(), nodes, triangles);
     assert!(buffers.size() >= 80);
     let source =
         raytwin::wgsl::link(&["ray/bvh"]).expect("registered") + BvhBuffers::bindings_wgsl() + MAIN;
+    run(gpu, &buffers, source)
+}
+
+/// The same for triangles with bit 2.
+fn trace_masked(gpu: &Gpu, nodes: &[u32], triangles: &[u32], masks: &[u32]) -> Vec<u32> {
+    let buffers = BvhBuffers::with_masks(gpu.device(), nodes, triangles, masks);
+    assert!(buffers.size() >= 84);
+    let source = raytwin::wgsl::link(&["ray/bvh_filter"]).expect("registered")
+        + BvhBuffers::bindings_wgsl()
+        + BvhBuffers::mask_bindings_wgsl()
+        + &MAIN
+            .replace("bvh_closest(", "bvh_closest_of(")
+            .replace("100.0));", "100.0), BVH_FACES_BOTH, 2u);");
+    run(gpu, &buffers, source)
+}
+
+fn run(gpu: &Gpu, buffers: &BvhBuffers, source: String) -> Vec<u32> {
+    let device = gpu.device();
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -132,6 +149,23 @@ fn buffers_and_bindings_trace_what_the_cpu_traces() {
             "{}: an empty tree was hit",
             gpu.label()
         );
+
+        // All bits beyond the masks, and where there are none.
+        let (nodes, triangles) = (bvh.node_words(), bvh.triangle_words());
+        let masked = |masks: &[u32]| trace_masked(gpu, &nodes, &triangles, masks);
+        let primitives =
+            |words: &[u32]| -> Vec<u32> { words.chunks_exact(4).map(|w| w[3]).collect() };
+        let all = primitives(&words);
+        assert_eq!(primitives(&masked(&[])), all, "{}", gpu.label());
+        for hidden in [0, 1] {
+            let masks = if hidden == 0 { vec![1] } else { vec![2, 1] };
+            let found = primitives(&masked(&masks));
+            let wanted = all.iter().map(|&p| if p == hidden { BVH_MISS } else { p });
+            // The two triangles lie side by side as the rays see them.
+            let off = found.iter().zip(wanted).filter(|(f, w)| *f != w).count();
+            assert!(off <= 8, "{}: {off} of {RAYS} rays differ", gpu.label());
+            assert!(found.contains(&(1 - hidden)), "{}", gpu.label());
+        }
     }
 }
 

@@ -454,6 +454,8 @@ modules! {
                 "fn bvh_read_node(index: u32) -> BvhNode",
                 "fn bvh_read_triangle(index: u32) -> BvhTriangle"
             } "bvh.bindings.wgsl";
+        BVH_FILTER "bvh_filter" ["ray/bvh"]
+            { "fn bvh_read_mask(primitive: u32) -> u32" } "bvh_filter.bindings.wgsl";
         CAMERA "camera" ["math/vector", "ray/ray"];
         INSTANCE "instance" ["ray/bvh", "math/vector"]
             { "fn instance_read(index: u32) -> Instance" } "instance.bindings.wgsl";

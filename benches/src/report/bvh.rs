@@ -14,6 +14,7 @@ use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::ray::{Ray as ObvhsRay, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
+use rayon::prelude::*;
 use raytwin::ray::bvh_build::{BuildQuality, Bvh};
 use raytwin_cpu::pass::bvh8::Bvh8;
 use raytwin_cpu::random::pcg::pcg_hash;
@@ -114,13 +115,28 @@ impl Engines<'_> {
 }
 
 /// Names of the generated meshes.
-pub const GENERATED: [&str; 4] = ["sphere", "slivers", "terrain", "room"];
+pub const GENERATED: [&str; 5] = ["sphere", "slivers", "terrain", "room", "hare"];
+
+/// Names of those that the long run has besides.
+pub const GENERATED_FULL: [&str; 5] = [
+    "sphere-10k",
+    "sphere-100k",
+    "sphere-1m",
+    "terrain-10k",
+    "terrain-1m",
+];
 
 /// A generated mesh with a view of it.
 #[must_use]
 pub fn generated(name: &str) -> Option<Scene> {
     let mesh = match name {
         "sphere" => meshes::displaced_sphere(80_000),
+        "sphere-10k" => meshes::displaced_sphere(10_000),
+        "sphere-100k" => meshes::displaced_sphere(100_000),
+        "sphere-1m" => meshes::displaced_sphere(1_000_000),
+        "hare" => meshes::hare(70_000),
+        "terrain-10k" => meshes::terrain(10_000),
+        "terrain-1m" => meshes::terrain(1_000_000),
         "slivers" => meshes::sliver_sphere(40_000),
         "terrain" => meshes::terrain(100_000),
         "room" => meshes::room(),
@@ -135,7 +151,7 @@ pub fn generated(name: &str) -> Option<Scene> {
     // Near enough to fill the picture: rays into the sky measure nothing. The
     // room is closed and seen from inside.
     let (eye, target, fov_degrees) = match name {
-        "terrain" => ([8.0, 4.0, 9.0], [0.0, -2.0, 0.0], 45.0),
+        "terrain" | "terrain-10k" | "terrain-1m" => ([8.0, 4.0, 9.0], [0.0, -2.0, 0.0], 45.0),
         "room" => ([3.7, 1.2, 2.7], [-1.0, -0.4, -0.6], 70.0),
         _ => ([0.96, 0.72, 1.6], [0.0, 0.0, 0.0], 50.0),
     };
@@ -233,12 +249,12 @@ impl Peer {
     }
 
     /// What came of the rays; nothing once the process has ended.
-    fn trace(&self, rays: &[Ray], any: bool, listed: bool) -> Option<Traced> {
+    fn trace(&self, rays: &[Ray], any: bool, listed: bool, threads: usize) -> Option<Traced> {
         if self.failure.get().is_some() {
             return None;
         }
         let rays: Vec<Ray8> = rays.iter().map(ray8).collect();
-        match self.tree.trace(&rays, any, listed, 1) {
+        match self.tree.trace(&rays, any, listed, threads) {
             Ok(traced) => Some(traced),
             Err(error) => {
                 // One that was there before says as much.
@@ -265,33 +281,65 @@ struct Engine<'a> {
 }
 
 /// Runs `f` over all rays: seconds, and how many hit.
-fn sweep(rays: &[Ray], f: impl Fn(&Ray) -> bool) -> (f64, usize) {
+fn sweep(rays: &[Ray], threads: usize, f: impl Fn(&Ray) -> bool + Sync) -> (f64, usize) {
+    let count = |rays: &[Ray]| black_box(rays).iter().filter(|r| f(r)).count();
     let start = Instant::now();
-    let hits = black_box(rays).iter().filter(|r| f(r)).count();
+    let hits = match threads {
+        1 => count(rays),
+        _ => rays.par_chunks(RAYS_A_PIECE).map(count).sum(),
+    };
     (start.elapsed().as_secs_f64(), black_box(hits))
 }
 
+/// Rays that a thread takes at a time.
+const RAYS_A_PIECE: usize = 512;
+
+/// All threads: those of rayon's pool, as the batch functions use them.
+fn all_threads() -> usize {
+    rayon::current_num_threads()
+}
+
 impl Engine<'_> {
-    fn time(&self, rays: &[Ray], any: bool) -> (f64, usize) {
+    /// Seconds for all rays, on one thread or on all of them, and how many hit.
+    fn time(&self, rays: &[Ray], any: bool, threads: usize) -> (f64, usize) {
         match (&self.kind, any) {
             (Kind::Cpu(bvh), false) => {
                 let view = bvh.view();
-                sweep(rays, |r| bvh_closest(&view, *r).primitive != BVH_MISS)
+                sweep(rays, threads, |r| {
+                    bvh_closest(&view, *r).primitive != BVH_MISS
+                })
             }
             (Kind::Cpu(bvh), true) => {
                 let view = bvh.view();
-                sweep(rays, |r| bvh_any(&view, *r) != 0)
+                sweep(rays, threads, |r| bvh_any(&view, *r) != 0)
             }
-            (Kind::Wide(w), false) => sweep(rays, |r| w.closest(r).primitive != BVH_MISS),
-            (Kind::Wide(w), true) => sweep(rays, |r| w.any(r)),
-            (Kind::Obvhs(o), false) => sweep(rays, |r| o.closest(r).is_some()),
-            (Kind::Obvhs(o), true) => sweep(rays, |r| o.any(r)),
-            (Kind::Embree(e), false) => sweep(rays, |r| e.intersect(&embree_ray(r)).is_some()),
-            (Kind::Embree(e), true) => sweep(rays, |r| e.occluded(&embree_ray(r))),
+            (Kind::Wide(w), false) => sweep(rays, threads, |r| w.closest(r).primitive != BVH_MISS),
+            (Kind::Wide(w), true) => sweep(rays, threads, |r| w.any(r)),
+            (Kind::Obvhs(o), false) => sweep(rays, threads, |r| o.closest(r).is_some()),
+            (Kind::Obvhs(o), true) => sweep(rays, threads, |r| o.any(r)),
+            (Kind::Embree(e), false) => {
+                sweep(rays, threads, |r| e.intersect(&embree_ray(r)).is_some())
+            }
+            (Kind::Embree(e), true) => sweep(rays, threads, |r| e.occluded(&embree_ray(r))),
             (Kind::Tinybvh(t), any) => t
-                .trace(rays, any, false)
+                .trace(rays, any, false, threads)
                 .map_or((f64::NAN, 0), |t| (t.seconds, t.hits)),
             (Kind::Gpu(g), any) => g.time(rays, any),
+        }
+    }
+
+    /// Bytes of what is walked, where that is known.
+    fn bytes(&self) -> Option<usize> {
+        match &self.kind {
+            Kind::Cpu(bvh) => Some(size_of_val(&*bvh.nodes) + size_of_val(&*bvh.triangles)),
+            Kind::Wide(w) => Some(w.bytes()),
+            Kind::Obvhs(o) => Some(
+                size_of_val(&*o.bvh.nodes)
+                    + size_of_val(&*o.bvh.primitive_indices)
+                    + size_of_val(&*o.triangles),
+            ),
+            Kind::Embree(e) => Some(e.memory()),
+            Kind::Tinybvh(_) | Kind::Gpu(_) => None,
         }
     }
 
@@ -326,7 +374,7 @@ impl Engine<'_> {
                 .iter()
                 .map(|r| e.intersect(&embree_ray(r)).map(|h| (h.t, h.primitive)))
                 .collect(),
-            Kind::Tinybvh(t) => match t.trace(rays, false, true) {
+            Kind::Tinybvh(t) => match t.trace(rays, false, true, 1) {
                 Some(traced) => {
                     let hits = traced.closest.into_iter().zip(rays);
                     hits.map(|(hit, ray)| hit.map(|(t, i)| (t + ray.t_min, i)))
@@ -516,12 +564,16 @@ fn camera(scene: &Scene, width: usize, height: usize) -> Camera {
 }
 
 /// How fast each engine is, in turn so that all see the same machine.
-fn rates(engines: &[Engine<'_>], sets: &RaySets, rounds: usize) -> Vec<Rates> {
+fn rates(engines: &[Engine<'_>], sets: &RaySets, rounds: usize, threads: usize) -> Vec<Rates> {
     let mut times = vec![[const { Vec::new() }; 4]; engines.len()];
     for round in 0..=rounds {
         for (engine, times) in engines.iter().zip(&mut times) {
+            // An adapter has threads of its own.
+            if threads != 1 && matches!(engine.kind, Kind::Gpu(_)) {
+                continue;
+            }
             for ((rays, any), times) in sets.all().into_iter().zip(times) {
-                let (seconds, _) = engine.time(rays, any);
+                let (seconds, _) = engine.time(rays, any, threads);
                 // The first round warms up.
                 if round > 0 {
                     times.push(seconds);
@@ -573,11 +625,18 @@ pub(super) fn measure(
         build_ms,
     )?;
     let sets = RaySets::new(scene, &bvh, settings.rays);
-    let rates = rates(&engines, &sets, settings.rounds);
-    let embree = engines
-        .iter()
-        .position(|e| e.name == EMBREE)
-        .map(|i| rates[i]);
+    let one = rates(&engines, &sets, settings.rounds, 1);
+    let threads = all_threads();
+    let all = rates(&engines, &sets, settings.rounds, threads);
+    let embree = engines.iter().position(|e| e.name == EMBREE);
+    let over = |own: Rates, rates: &[Rates]| {
+        embree.map(|i| rates[i]).map(|e| Rates {
+            primary: own.primary / e.primary,
+            shadow: own.shadow / e.shadow,
+            diffuse: own.diffuse / e.diffuse,
+            ao: own.ao / e.ao,
+        })
+    };
 
     let half = settings.checked / 2;
     let mut rays: Vec<Ray> = sets.primary.iter().take(half).copied().collect();
@@ -591,21 +650,24 @@ pub(super) fn measure(
     let set = RaySet::new(&subject, rays);
     Ok(engines
         .iter()
-        .zip(rates)
-        .filter_map(|(engine, mrays)| {
+        .zip(one.iter().zip(&all))
+        .filter_map(|(engine, (&mrays, &every))| {
             let counts = compare(&subject, &set, &Judged(engine));
+            // An adapter has threads of its own.
+            let on_cpu = !matches!(engine.kind, Kind::Gpu(_));
             with.counts(&scene.name, engine).then(|| BvhRow {
                 mesh: scene.name.clone(),
                 triangles: mesh.indices.len(),
                 engine: engine.name.clone(),
                 build_ms: engine.build_ms,
                 mrays,
-                to_embree: embree.map(|e| Rates {
-                    primary: mrays.primary / e.primary,
-                    shadow: mrays.shadow / e.shadow,
-                    diffuse: mrays.diffuse / e.diffuse,
-                    ao: mrays.ao / e.ao,
-                }),
+                to_embree: over(mrays, &one),
+                threads,
+                all_threads: on_cpu.then_some(every),
+                all_to_embree: on_cpu.then(|| over(every, &all)).flatten(),
+                bytes: engine
+                    .bytes()
+                    .map(|bytes| bytes as f64 / mesh.indices.len() as f64),
                 checked: set.rays.len(),
                 leaks: counts.leaks,
                 false_hits: counts.false_hits,
@@ -746,7 +808,7 @@ pub(super) fn measure_builds(
         }
     }
     let sets = RaySets::new(scene, &reference, settings.rays);
-    let rates = rates(&engines, &sets, settings.rounds);
+    let rates = rates(&engines, &sets, settings.rounds, 1);
     let subject = Subject {
         name: scene.name.clone(),
         positions: positions.clone(),
@@ -801,7 +863,7 @@ pub(super) fn measure_stacks(
         })
         .collect();
     let sets = RaySets::new(scene, &bvh, settings.rays);
-    let rates = rates(&engines, &sets, settings.rounds);
+    let rates = rates(&engines, &sets, settings.rounds, 1);
     let hits: Vec<_> = engines.iter().map(|e| e.closest(&sets.primary)).collect();
     let rows = places.iter().zip(&rates).zip(&hits);
     Ok(rows
@@ -844,7 +906,7 @@ pub(super) fn measure_growth(
     let bvh = build(&scene.name, positions, indices)?;
     let engines = open(&with, &scene.name, positions, indices, &bvh, 0.0)?;
     let sets = RaySets::new(&scene, &bvh, settings.rays);
-    let rates = rates(&engines, &sets, settings.rounds);
+    let rates = rates(&engines, &sets, settings.rounds, 1);
     let rows = engines.iter().zip(rates);
     let rows = rows.filter(|(engine, _)| with.counts(&scene.name, engine));
     Ok(rows
@@ -952,7 +1014,7 @@ mod tests {
 
     #[test]
     fn generated_meshes_are_seen() {
-        for name in GENERATED {
+        for name in GENERATED.into_iter().chain(GENERATED_FULL) {
             let scene = generated(name).unwrap();
             let bvh = build(name, &scene.mesh.positions, &scene.mesh.indices).unwrap();
             let sets = RaySets::new(&scene, &bvh, 1000);

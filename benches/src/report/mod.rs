@@ -192,6 +192,9 @@ impl<'a> Run<'a> {
         let mut mesh_names = scene_names.clone();
         mesh_names.extend(sponza.is_some().then(|| "sponza".into()));
         mesh_names.extend(bvh::GENERATED.map(String::from));
+        if options.full {
+            mesh_names.extend(bvh::GENERATED_FULL.map(String::from));
+        }
 
         let mut names: Vec<String> = kernels.iter().map(Kernel::path).collect();
         for scene in &scene_names {

@@ -434,6 +434,8 @@ fn traversal(report: &Report, plots: &[&Drawn]) -> Markup {
             "Millions of rays a second, one thread and one ray at a time on the CPU, all engines in turn in the same run; "
             "the number beside is the multiple of Embree's default. A software adapter uses all cores. "
             "tinybvh, its eight-wide tree for AVX2, is in a process of its own, since all of it is compiled for this processor, and takes its turns there. "
+            "The column for all threads is the geometric mean of the four kinds, rays in pieces over " (report.bvh.first().map_or(0, |r| r.threads)) " threads. "
+            "Bytes are those of nodes and triangles as they are walked, Embree's as it counts them itself. "
             "Shadow and AO rays stop at any hit. Leaks, false hits and disagreements are counted on "
             "these meshes' own rays against an intersector in double precision: a leak is a hit that is lost, a false hit one on a triangle that the ray does not touch, a disagreement one at another distance than the truth, each by more than eight roundings of the largest coordinate; ties, two triangles at one distance, are no error."
         }
@@ -442,14 +444,15 @@ fn traversal(report: &Report, plots: &[&Drawn]) -> Markup {
         }
         div.scroll { table {
             thead { tr {
-                th { "Engine" } th { "Build, ms" }
+                th { "Engine" } th { "Build, ms" } th { "Bytes a triangle" }
                 th { "Primary" } th { "Shadow" } th { "Diffuse" } th { "AO" }
+                th { "All threads" }
                 th { "Leaks" } th { "False hits" } th { "Disagree" } th { "Ties" }
             } }
             @for mesh in meshes {
                 @let rows: Vec<&BvhRow> = report.bvh.iter().filter(|r| r.mesh == mesh).collect();
                 tbody {
-                    tr { th colspan="10" {
+                    tr { th colspan="12" {
                         (mesh) " "
                         @if let Some(r) = rows.first() {
                             small.off { (grouped(r.triangles)) " triangles, " (grouped(r.checked)) " rays checked" }
@@ -458,16 +461,24 @@ fn traversal(report: &Report, plots: &[&Drawn]) -> Markup {
                     @for r in rows { tr {
                         td title=(r.engine) { (short(&r.engine)) }
                         td { @match r.build_ms { Some(ms) => (number(ms)), None => span.off { "–" } } }
+                        td { @match r.bytes { Some(bytes) => (format!("{bytes:.0}")), None => span.off { "–" } } }
                         @for pick in [|r: &Rates| r.primary, |r: &Rates| r.shadow, |r: &Rates| r.diffuse, |r: &Rates| r.ao] {
                             td {
                                 (number(pick(&r.mrays)))
                                 @if let Some(e) = &r.to_embree { small { " " (format!("{:.2}", pick(e))) "×" } }
                             }
                         }
+                        td { @match &r.all_threads {
+                            Some(all) => {
+                                (number(all.mean()))
+                                @if let Some(e) = &r.all_to_embree { small { " " (format!("{:.2}", e.mean())) "×" } }
+                            }
+                            None => span.off { "–" }
+                        } }
                         (mistakes(r.leaks)) (mistakes(r.false_hits)) (mistakes(r.disagreements))
                         td.off { (grouped(r.ties)) }
                     } }
-                    @if !report.embree.found { tr { td { "Embree" } td.bad colspan="9" { "not found" } } }
+                    @if !report.embree.found { tr { td { "Embree" } td.bad colspan="11" { "not found" } } }
                 }
             }
         } }

@@ -627,6 +627,14 @@ pub struct BvhRow {
     pub mrays: Rates,
     /// The same over Embree default's of the same run.
     pub to_embree: Option<Rates>,
+    /// Threads of the processor.
+    pub threads: usize,
+    /// Rates with all of them; `null` on an adapter.
+    pub all_threads: Option<Rates>,
+    /// The same over Embree default's with all threads.
+    pub all_to_embree: Option<Rates>,
+    /// Bytes a triangle of what is walked; `null` where that is not known.
+    pub bytes: Option<f64>,
     /// Rays that were checked against the truth.
     pub checked: usize,
     /// Hits that it loses.

@@ -104,6 +104,8 @@ fn engines(report: &Report, out: &mut String) {
             "shadow",
             "diffuse",
             "AO",
+            "all threads",
+            "bytes",
             "leaks",
             "false",
             "disagree",
@@ -121,6 +123,10 @@ fn engines(report: &Report, out: &mut String) {
                 rate(r.mrays.shadow, e.map(|e| e.shadow)),
                 rate(r.mrays.diffuse, e.map(|e| e.diffuse)),
                 rate(r.mrays.ao, e.map(|e| e.ao)),
+                r.all_threads.map_or("-".into(), |all| {
+                    rate(all.mean(), r.all_to_embree.map(|e| e.mean()))
+                }),
+                r.bytes.map_or("-".into(), |bytes| format!("{bytes:.0}")),
                 r.leaks.to_string(),
                 r.false_hits.to_string(),
                 r.disagreements.to_string(),

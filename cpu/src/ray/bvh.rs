@@ -194,14 +194,28 @@ fn bvh_edges_pass(triangle: &BvhTriangle, ray: &BvhRay) -> bool {
     p.cmplt(q).any() != p.cmpgt(q).any()
 }
 
-/// Takes a triangle as the best hit if it is one: once or twice a ray, so it
-/// stays out of the hot loop.
+/// Which triangles a ray can hit: all of them. (Walks take such a function;
+/// `ray/bvh_filter` has another.)
+#[inline(always)]
+pub(crate) fn bvh_sees_all(_: &BvhTriangle, _: &RayShear) -> bool {
+    true
+}
+
+/// Takes a triangle as the best hit if it is one that the ray can hit: once or
+/// twice a ray, so it stays out of the hot loop.
 #[inline(never)]
-fn bvh_accept(triangle: &BvhTriangle, ray: &BvhRay, best: &mut BvhHit) -> bool {
+fn bvh_accept(
+    triangle: &BvhTriangle,
+    ray: &BvhRay,
+    best: &mut BvhHit,
+    sees: impl Fn(&BvhTriangle, &RayShear) -> bool,
+) -> bool {
     let hit = triangle_intersect_sheared(
         &ray.shear, ray.t_min, best.t, triangle.a, triangle.b, triangle.c,
     );
-    let better = hit.hit != 0 && (hit.t < best.t || triangle.primitive < best.primitive);
+    let better = hit.hit != 0
+        && (hit.t < best.t || triangle.primitive < best.primitive)
+        && sees(triangle, &ray.shear);
     if better {
         *best = BvhHit {
             t: hit.t,
@@ -215,7 +229,14 @@ fn bvh_accept(triangle: &BvhTriangle, ray: &BvhRay, best: &mut BvhHit) -> bool {
 
 /// Tests a leaf's triangles and returns their number.
 #[inline(always)]
-fn bvh_leaf(bvh: &BvhView<'_>, node: &BvhNode, ray: &BvhRay, any: bool, best: &mut BvhHit) -> u32 {
+fn bvh_leaf(
+    bvh: &BvhView<'_>,
+    node: &BvhNode,
+    ray: &BvhRay,
+    any: bool,
+    best: &mut BvhHit,
+    sees: impl Fn(&BvhTriangle, &RayShear) -> bool + Copy,
+) -> u32 {
     let first = node.first as usize;
     let size = node.count.min(BVH_STEPS);
     let leaf = first
@@ -226,7 +247,7 @@ fn bvh_leaf(bvh: &BvhView<'_>, node: &BvhNode, ray: &BvhRay, any: bool, best: &m
         if !bvh_edges_pass(triangle, ray) {
             continue;
         }
-        if bvh_accept(triangle, ray, best) && any {
+        if bvh_accept(triangle, ray, best, sees) && any {
             break;
         }
     }
@@ -245,7 +266,7 @@ pub(crate) fn bvh_prepare(ray: Ray) -> BvhRay {
 }
 
 /// The shared walk from a root on: with `any` it ends at the first hit. It
-/// adds what it visits to `steps`.
+/// adds what it visits to `steps`, and passes by triangles that `sees` denies.
 #[inline(always)]
 pub(crate) fn bvh_walk(
     bvh: &BvhView<'_>,
@@ -253,6 +274,7 @@ pub(crate) fn bvh_walk(
     ray: Ray,
     any: bool,
     steps: &mut u32,
+    sees: impl Fn(&BvhTriangle, &RayShear) -> bool + Copy,
 ) -> BvhHit {
     let mut best = BvhHit {
         t: ray.t_max,
@@ -266,7 +288,7 @@ pub(crate) fn bvh_walk(
         return best;
     }
     if root.count > 0 {
-        *steps = steps.saturating_add(bvh_leaf(bvh, root, &at, any, &mut best));
+        *steps = steps.saturating_add(bvh_leaf(bvh, root, &at, any, &mut best, sees));
         return best;
     }
     let mut stack = [(0u32, 0.0f32); BVH_STACK];
@@ -295,14 +317,14 @@ pub(crate) fn bvh_walk(
         let mut postponed = 0;
         if near_enter >= 0.0 {
             if near.count > 0 {
-                *steps = steps.saturating_add(bvh_leaf(bvh, near, &at, any, &mut best));
+                *steps = steps.saturating_add(bvh_leaf(bvh, near, &at, any, &mut best, sees));
             } else if near.first > pair {
                 next = near.first;
             }
         }
         if far_enter >= 0.0 && far_enter <= best.t {
             if far.count > 0 {
-                *steps = steps.saturating_add(bvh_leaf(bvh, far, &at, any, &mut best));
+                *steps = steps.saturating_add(bvh_leaf(bvh, far, &at, any, &mut best, sees));
             } else if far.first > pair {
                 postponed = far.first;
             }
@@ -358,7 +380,7 @@ pub(crate) fn bvh_walk(
 /// ```
 #[must_use]
 pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
-    bvh_walk(bvh, 0, ray, false, &mut 0)
+    bvh_walk(bvh, 0, ray, false, &mut 0, bvh_sees_all)
 }
 
 /// 1 if the ray meets any triangle within its range, ends included, else 0.
@@ -391,5 +413,5 @@ pub fn bvh_closest(bvh: &BvhView<'_>, ray: Ray) -> BvhHit {
 /// ```
 #[must_use]
 pub fn bvh_any(bvh: &BvhView<'_>, ray: Ray) -> u32 {
-    u32::from(bvh_walk(bvh, 0, ray, true, &mut 0).primitive != BVH_MISS)
+    u32::from(bvh_walk(bvh, 0, ray, true, &mut 0, bvh_sees_all).primitive != BVH_MISS)
 }

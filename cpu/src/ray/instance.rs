@@ -12,7 +12,8 @@
 use glam::{Vec3, Vec4};
 
 use super::bvh::{
-    BVH_MISS, BVH_STACK, BVH_STEPS, BvhHit, BvhView, bvh_enter, bvh_node, bvh_prepare, bvh_walk,
+    BVH_MISS, BVH_STACK, BVH_STEPS, BvhHit, BvhView, bvh_enter, bvh_node, bvh_prepare,
+    bvh_sees_all, bvh_walk,
 };
 use super::ray::Ray;
 use crate::math::vector::vec3_normalize;
@@ -277,7 +278,7 @@ pub(crate) fn instance_walk(
 #[inline(always)]
 fn instance_ask(view: &InstanceView<'_>, ray: Ray, mask: u32, any: bool) -> InstanceHit {
     instance_walk(view, ray, mask, any, |instance, local, steps| {
-        bvh_walk(&view.bvh, instance.root, local, any, steps)
+        bvh_walk(&view.bvh, instance.root, local, any, steps, bvh_sees_all)
     })
 }
 

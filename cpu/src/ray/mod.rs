@@ -8,6 +8,7 @@
 
 pub mod aabb;
 pub mod bvh;
+pub mod bvh_filter;
 pub mod camera;
 pub mod instance;
 pub mod plane;

@@ -104,7 +104,7 @@ pub fn triangle_intersect_moller_trumbore(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -
 /// The two triangles of an edge move its ends by these same operations, so
 /// they see the same edge.
 #[inline(always)]
-fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
+pub(super) fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
     Vec2::new(vertex.x - shear.x * vertex.z, vertex.y - shear.y * vertex.z)
 }
 
@@ -117,7 +117,7 @@ fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
 /// subtraction. Products that round to the same number give zero; otherwise
 /// the sign is that of their comparison, fused or not.
 #[inline(always)]
-fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
+pub(super) fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
     let swap = a.x > b.x || (a.x == b.x && a.y > b.y);
     let low = if swap { b } else { a };
     let high = if swap { a } else { b };

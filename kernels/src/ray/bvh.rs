@@ -13,22 +13,20 @@ crate::value_struct!(BvhHit {
     primitive: u32,
 });
 
-/// What the pair promises.
+/// What this contract shares with that of `ray/bvh_filter`: a mesh, its tree, and
+/// the truth about a line through it.
 #[cfg(feature = "contract")]
-#[must_use]
-pub fn contract() -> Vec<crate::contract::Kernel> {
-    use super::bvh_build::{BuildQuality, Bvh};
-    use super::ray::{Ray, WideRay};
-    use super::triangle::exact_line;
-    use crate::contract::{Kernel, domains};
+pub(super) mod parts {
+    use super::super::bvh_build::{BuildQuality, Bvh};
+    use super::super::ray::{Ray, WideRay};
+    use super::super::triangle::exact_line;
+    use crate::contract::{Domain, domains};
     use glam::Vec3;
-    use std::sync::{Arc, OnceLock};
+    use std::sync::OnceLock;
 
-    const SOURCE: &str = "Aila and Laine 2009 (ordered stack); tests of ray/aabb and ray/triangle";
-    const WHY: &str = "the kernel reads a tree through callbacks and loops over it; its t, u and v \
-                       are those of ray/triangle's watertight test, whose bounds hold here, and \
-                       which triangle is hit is checked against every triangle in f64";
-    const FIXTURE: &str = "
+    macro_rules! fixture {
+        () => {
+            "
 fn bvh_read_node(index: u32) -> BvhNode {
     let at = 2u + 8u * index;
     return BvhNode(
@@ -50,9 +48,12 @@ fn bvh_read_triangle(index: u32) -> BvhTriangle {
 fn raytwin_float(at: u32) -> f32 {
     return bitcast<f32>(raytwin_fixture[at]);
 }
-";
+"
+        };
+    }
+    pub(crate) use fixture;
 
-    // Tetrahedra of a turning grid: closed, disjoint, at all angles.
+    /// Tetrahedra of a turning grid: closed, disjoint, at all angles.
     fn mesh() -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let (mut positions, mut indices) = (Vec::new(), Vec::new());
         for i in 0..64u32 {
@@ -76,43 +77,126 @@ fn raytwin_float(at: u32) -> f32 {
         (positions, indices)
     }
     static BVH: OnceLock<Bvh> = OnceLock::new();
-    fn bvh() -> &'static Bvh {
+
+    /// Its tree.
+    pub fn bvh() -> &'static Bvh {
         BVH.get_or_init(|| {
             let (positions, indices) = mesh();
             Bvh::build(&positions, &indices, BuildQuality::Medium).expect("a plain mesh")
         })
     }
-    fn closest(ray: Ray) -> BvhHit {
-        bvh_closest(&bvh().view(), ray)
+
+    pub struct Line {
+        pub t: f64,
+        pub weights: [f64; 3],
+        pub shape: f64,
+        /// Whether the triangle is seen from the front.
+        pub front: bool,
+        pub primitive: u32,
     }
-    fn any(ray: Ray) -> u32 {
-        bvh_any(&bvh().view(), ray)
-    }
-    struct Line {
-        t: f64,
-        weights: [f64; 3],
-        shape: f64,
-        primitive: u32,
-    }
-    // The line against every triangle.
-    fn lines((o, d, _, _): WideRay) -> Vec<Line> {
+
+    /// The line against every triangle.
+    pub fn lines((o, d, _, _): WideRay) -> Vec<Line> {
         let wide = |v: Vec3| v.as_dvec3();
         bvh()
             .triangles
             .iter()
             .filter_map(|x| {
-                let (t, weights, shape) = exact_line(o, d, wide(x.a), wide(x.b), wide(x.c))?;
+                let (a, b, c) = (wide(x.a), wide(x.b), wide(x.c));
+                let (t, weights, shape) = exact_line(o, d, a, b, c)?;
                 Some(Line {
                     t,
                     weights,
                     shape,
+                    front: (b - a).cross(c - a).dot(d) < 0.0,
                     primitive: x.primitive,
                 })
             })
             .collect()
     }
-    fn inside(ray: WideRay, line: &Line) -> bool {
+
+    /// On no edge, and within the ray's range.
+    pub fn inside(ray: WideRay, line: &Line) -> bool {
         line.weights.iter().all(|w| *w >= 0.0) && line.t >= ray.2 && line.t <= ray.3
+    }
+
+    /// On an edge, too flat, or at an end of the range.
+    pub fn open(ray: WideRay, l: &Line) -> bool {
+        let least = l.weights.iter().copied().fold(f64::INFINITY, f64::min);
+        let reached = l.t > ray.2 - 1e-3 && l.t < ray.3 + 1e-3;
+        reached && least > -1e-3 && (least < 1e-3 || l.shape < 0.02)
+            || least > -1e-3 && ((l.t - ray.2).abs() < 1e-3 || (l.t - ray.3).abs() < 1e-3)
+    }
+
+    /// The size of a ray's errors, by the hit that it would have without an end:
+    /// as for a single triangle, distance over size and tilt.
+    pub fn scale((o, d, _, _): WideRay, first: Option<Line>) -> f64 {
+        let (t, shape) = first.map_or((0.0, 1.0), |l| (l.t, l.shape));
+        let far = (o.length() + 5.0).max(t * d.length());
+        far / shape.max(0.02) / d.length().min(1.0)
+    }
+
+    /// The tree as the fixture reads it.
+    pub fn words() -> Vec<u32> {
+        let (nodes, triangles) = (bvh().node_words(), bvh().triangle_words());
+        // The first word is read by the generated shader; the second counts.
+        let mut words = vec![0, (nodes.len() / 8) as u32];
+        words.extend(nodes);
+        words.extend(triangles);
+        words
+    }
+
+    /// Rays through the mesh.
+    pub fn rays() -> Domain<Ray> {
+        domains::vec3(domains::range(-5.0, 5.0))
+            .and(domains::unit_vector())
+            .and(domains::log_range(0.1, 10.0))
+            .and(domains::log_range(0.5, 100.0))
+            .map(|(((origin, direction), length), reach)| Ray {
+                origin,
+                direction: direction * length,
+                t_min: 0.0,
+                t_max: reach / length,
+            })
+    }
+
+    /// Along axes and diagonals, with either zero, of no length to speak of.
+    pub fn hard() -> [Ray; 6] {
+        let ray = |origin: Vec3, direction: Vec3, t_max: f32| Ray {
+            origin,
+            direction,
+            t_min: 0.0,
+            t_max,
+        };
+        let start = Vec3::new(-5.0, -3.1, -3.1);
+        [
+            ray(start, Vec3::X, 100.0),
+            ray(start, Vec3::new(1.0, -0.0, 0.0), 100.0),
+            ray(Vec3::splat(-5.0), Vec3::ONE, 100.0),
+            ray(Vec3::splat(50.0), Vec3::ONE, 100.0),
+            ray(Vec3::new(-3.05, -3.0, -3.02), Vec3::Z, 0.1),
+            ray(start, Vec3::X * 1e-8, 1e10),
+        ]
+    }
+}
+
+/// What the pair promises.
+#[cfg(feature = "contract")]
+#[must_use]
+pub fn contract() -> Vec<crate::contract::Kernel> {
+    use super::ray::{Ray, WideRay};
+    use crate::contract::Kernel;
+    use parts::{Line, bvh, inside, lines, open};
+
+    const SOURCE: &str = "Aila and Laine 2009 (ordered stack); tests of ray/aabb and ray/triangle";
+    const WHY: &str = "the kernel reads a tree through callbacks and loops over it; its t, u and v \
+                       are those of ray/triangle's watertight test, whose bounds hold here, and \
+                       which triangle is hit is checked against every triangle in f64";
+    fn closest(ray: Ray) -> BvhHit {
+        bvh_closest(&bvh().view(), ray)
+    }
+    fn any(ray: Ray) -> u32 {
+        bvh_any(&bvh().view(), ray)
     }
     fn first(ray: WideRay) -> Option<Line> {
         lines(ray)
@@ -120,54 +204,13 @@ fn raytwin_float(at: u32) -> f32 {
             .filter(|l| inside(ray, l))
             .min_by(|a, b| a.t.total_cmp(&b.t))
     }
-    // Some triangle is met on an edge, too flat, or at an end of the range.
     fn undecided(ray: WideRay) -> bool {
-        lines(ray).iter().any(|l| {
-            let least = l.weights.iter().copied().fold(f64::INFINITY, f64::min);
-            let reached = l.t > ray.2 - 1e-3 && l.t < ray.3 + 1e-3;
-            reached && least > -1e-3 && (least < 1e-3 || l.shape < 0.02)
-                || least > -1e-3 && ((l.t - ray.2).abs() < 1e-3 || (l.t - ray.3).abs() < 1e-3)
-        })
+        lines(ray).iter().any(|l| open(ray, l))
     }
 
-    let words = Arc::new({
-        let (nodes, triangles) = (bvh().node_words(), bvh().triangle_words());
-        // The first word is read by the generated shader; the second counts.
-        let mut words = vec![0, (nodes.len() / 8) as u32];
-        words.extend(nodes);
-        words.extend(triangles);
-        words
-    });
-    let rays = domains::vec3(domains::range(-5.0, 5.0))
-        .and(domains::unit_vector())
-        .and(domains::log_range(0.1, 10.0))
-        .and(domains::log_range(0.5, 100.0))
-        .map(|(((origin, direction), length), reach)| {
-            (Ray {
-                origin,
-                direction: direction * length,
-                t_min: 0.0,
-                t_max: reach / length,
-            },)
-        });
-    let ray = |origin: Vec3, direction: Vec3, t_max: f32| Ray {
-        origin,
-        direction,
-        t_min: 0.0,
-        t_max,
-    };
-    let hard = [
-        (ray(Vec3::new(-5.0, -3.1, -3.1), Vec3::X, 100.0),),
-        (ray(
-            Vec3::new(-5.0, -3.1, -3.1),
-            Vec3::new(1.0, -0.0, 0.0),
-            100.0,
-        ),),
-        (ray(Vec3::splat(-5.0), Vec3::ONE, 100.0),),
-        (ray(Vec3::splat(50.0), Vec3::ONE, 100.0),),
-        (ray(Vec3::new(-3.05, -3.0, -3.02), Vec3::Z, 0.1),),
-        (ray(Vec3::new(-5.0, -3.1, -3.1), Vec3::X * 1e-8, 1e10),),
-    ];
+    let words = parts::words();
+    let rays = parts::rays().map(|ray| (ray,));
+    let hard = parts::hard().map(|ray| (ray,));
 
     vec![
         Kernel::new(
@@ -181,17 +224,12 @@ fn raytwin_float(at: u32) -> f32 {
             },
             rays.clone(),
         )
-        // As for a single triangle: distance over size and tilt.
-        .scale_by(|(o, d, _, _): WideRay| {
-            let (t, shape) = first((o, d, 0.0, f64::MAX)).map_or((0.0, 1.0), |l| (l.t, l.shape));
-            let far = (o.length() + 5.0).max(t * d.length());
-            far / shape.max(0.02) / d.length().min(1.0)
-        })
+        .scale_by(|ray: WideRay| parts::scale(ray, first((ray.0, ray.1, 0.0, f64::MAX))))
         .undecided(undecided)
         .few_ulp(2.75, 13.5)
         .by_analysis(WHY)
         .hard(hard)
-        .fixture(FIXTURE, words.to_vec())
+        .fixture(parts::fixture!(), words.clone())
         .source(SOURCE)
         .build(),
         Kernel::new(
@@ -206,7 +244,7 @@ fn raytwin_float(at: u32) -> f32 {
         .few_ulp(0.0, 0.0)
         .by_analysis(WHY)
         .hard(hard)
-        .fixture(FIXTURE, words.to_vec())
+        .fixture(parts::fixture!(), words)
         .source(SOURCE)
         .build(),
     ]

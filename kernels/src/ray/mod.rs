@@ -4,6 +4,7 @@ pub mod aabb;
 pub mod bvh;
 #[cfg(feature = "build")]
 pub mod bvh_build;
+pub mod bvh_filter;
 pub mod camera;
 pub mod instance;
 #[cfg(feature = "build")]

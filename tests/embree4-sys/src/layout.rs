@@ -391,6 +391,11 @@ pub struct RTCIntersectFunctionNArguments {
 pub type RTCErrorFunction =
     Option<unsafe extern "C" fn(userPtr: *mut c_void, code: RTCError, message: *const c_char)>;
 
+/// Memory callback of a device: bytes that it takes, negative where it gives them
+/// back, before or after it does; with `false` it gives up.
+pub type RTCMemoryMonitorFunction =
+    Option<unsafe extern "C" fn(userPtr: *mut c_void, bytes: isize, post: bool) -> bool>;
+
 const _: () = {
     assert!(size_of::<RTCRay>() == 48 && align_of::<RTCRay>() == 16);
     assert!(size_of::<RTCHit>() == 32 && align_of::<RTCHit>() == 16);

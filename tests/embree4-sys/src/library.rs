@@ -127,6 +127,12 @@ functions! {
     fn rtcGetDeviceProperty(device: RTCDevice, property: RTCDeviceProperty) -> isize;
     /// Sets the error callback.
     fn rtcSetDeviceErrorFunction(device: RTCDevice, function: RTCErrorFunction, user: *mut c_void);
+    /// Sets the callback that hears of memory.
+    fn rtcSetDeviceMemoryMonitorFunction(
+        device: RTCDevice,
+        function: RTCMemoryMonitorFunction,
+        user: *mut c_void,
+    );
     /// Creates a scene.
     fn rtcNewScene(device: RTCDevice) -> RTCScene;
     /// Gives a scene back.

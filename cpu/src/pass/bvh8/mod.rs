@@ -136,7 +136,7 @@ pub struct Filter<'a> {
     /// A triangle is there for the ray if its own mask shares a bit with this.
     pub mask: u32,
     /// By triangle of the mesh; one beyond the end has all bits. Where this is
-    /// empty there are no masks, and nothing is looked up.
+    /// empty nothing is looked up.
     pub masks: &'a [u32],
 }
 

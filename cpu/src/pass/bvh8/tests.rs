@@ -1,5 +1,6 @@
 use super::*;
 use crate::ray::bvh::{BvhNode, BvhTriangle, bvh_any, bvh_closest};
+use crate::ray::bvh_filter::{BVH_FACES_BOTH, BVH_FACES_FRONT, bvh_any_of, bvh_closest_of};
 use crate::ray::triangle::triangle_intersect_watertight;
 
 struct Random(u32);
@@ -140,7 +141,7 @@ fn ask_all<'a>(corners: &[[Vec3; 3]], ray: &Ray, filter: impl Into<Filter<'a>>) 
             continue;
         }
         let own = filter.masks.get(i).copied().unwrap_or(u32::MAX);
-        if !filter.masks.is_empty() && own & filter.mask == 0 {
+        if own & filter.mask == 0 {
             continue;
         }
         let hit = triangle_intersect_watertight(*ray, a, b, c);
@@ -241,6 +242,8 @@ fn every_level_is_every_triangle_asked() {
                 let front = ask_all(&corners, &ray, Faces::Front);
                 assert_eq!(bits(wide.closest_of(&ray, Faces::Front)), bits(front));
                 assert_eq!(wide.any_of(&ray, Faces::Front), front.primitive != BVH_MISS);
+                let scalar = bvh_closest_of(&tree.view(), &[], ray, BVH_FACES_FRONT, 1);
+                assert_eq!(bits(scalar), bits(front), "{n} {ray:?}");
                 hits += usize::from(truth.primitive != BVH_MISS);
             }
             assert!(n < 100 || hits > 200, "{hits}");
@@ -322,6 +325,27 @@ fn batches_are_single_rays() {
 }
 
 #[test]
+fn a_mask_without_a_bit_sees_nothing() {
+    let corners = soup(60, 13);
+    let tree = Tree::new(&corners, 4);
+    let rays = rays(600, &corners, 4);
+    let none = Filter {
+        mask: 0,
+        ..Filter::ALL
+    };
+    for wide in levels(&tree) {
+        assert!(wide.any_many(&rays).contains(&true));
+        assert!(!wide.any_many_of(&rays, none).contains(&true));
+        assert!(!wide.any_coherent_of(&rays, none).contains(&true));
+        for ray in &rays {
+            let hit = bvh_closest_of(&tree.view(), &[], *ray, BVH_FACES_BOTH, 0);
+            assert_eq!(bits(wide.closest_of(ray, none)), bits(hit));
+            assert_eq!(hit.primitive, BVH_MISS);
+        }
+    }
+}
+
+#[test]
 fn filters_leave_out_triangles() {
     let corners = soup(300, 13);
     let tree = Tree::new(&corners, 4);
@@ -358,6 +382,16 @@ fn filters_leave_out_triangles() {
             .zip(&truth)
             .filter(|(r, t)| ask_all(&corners, r, Faces::Both) != **t);
         assert!(other.count() > 200);
+        let sides = match faces {
+            Faces::Both => BVH_FACES_BOTH,
+            Faces::Front => BVH_FACES_FRONT,
+        };
+        for (&ray, truth) in rays.iter().zip(&truth) {
+            let scalar = bvh_closest_of(&tree.view(), &masks, ray, sides, mask);
+            assert_eq!(bits(scalar), bits(*truth), "{faces:?} {mask} {ray:?}");
+            let any = bvh_any_of(&tree.view(), &masks, ray, sides, mask);
+            assert_eq!(any != 0, hit(truth), "{faces:?} {mask} {ray:?}");
+        }
         let (words, any): (Vec<_>, Vec<_>) = truth.iter().map(|t| (bits(*t), hit(t))).unzip();
         for wide in levels(&tree) {
             let name = wide.level().name();

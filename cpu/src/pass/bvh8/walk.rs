@@ -127,6 +127,8 @@ pub(super) struct LeafRay<'a> {
 #[inline(always)]
 pub(super) fn prepare_leaf<'a>(ray: &Ray, filter: Filter<'a>) -> (LeafRay<'a>, Slopes) {
     let faces = filter.faces;
+    // A mask without a bit shares none with any triangle's.
+    let lanes = u32::from(filter.mask != 0) * 0xff;
     let direction = Vec3A::from(ray.direction);
     let tiny = direction.abs().cmplt(Vec3A::splat(RAY_FLUSH));
     let direction = Vec3A::select(tiny, Vec3A::ZERO, direction);
@@ -155,8 +157,8 @@ pub(super) fn prepare_leaf<'a>(ray: &Ray, filter: Filter<'a>) -> (LeafRay<'a>, S
         origin: ray.origin.to_array(),
         t_min: ray.t_min,
         // Along the axis of the shear, counter-clockwise is seen from ahead.
-        below: u32::from(faces == Faces::Both || d[kz] > 0.0) * 0xff,
-        above: u32::from(faces == Faces::Both || d[kz] < 0.0) * 0xff,
+        below: u32::from(faces == Faces::Both || d[kz] > 0.0) * lanes,
+        above: u32::from(faces == Faces::Both || d[kz] < 0.0) * lanes,
         filter,
     };
     let slopes = Slopes {
