@@ -914,19 +914,13 @@ pub fn measure(
                 ));
             }
         }
-        out.errors.extend(dark(&mut run, &still, changed.lamp));
+        out.errors.extend(dark(&mut run, changed.lamp));
     }
     Ok(out)
 }
 
 /// What is left of the light that bounces, after the lamp went out.
-fn dark(run: &mut Run<'_>, view: &View, lamp: Lamp) -> Vec<SurfelError> {
-    let black = vec![Vec3::ZERO; view.shown.len()];
-    let total = |run: &Run<'_>| -> f64 {
-        let picture = run.picture(view, &black);
-        f64::from(picture.into_iter().sum::<Vec3>().element_sum())
-    };
-    let before = total(run).max(1e-9);
+fn dark(run: &mut Run<'_>, lamp: Lamp) -> Vec<SurfelError> {
     run.room.lamp = match lamp {
         Lamp::Panel { corner, size, .. } => Lamp::Panel {
             corner,
@@ -939,6 +933,14 @@ fn dark(run: &mut Run<'_>, view: &View, lamp: Lamp) -> Vec<SurfelError> {
             sky: Vec3::ZERO,
         },
     };
+    // Seen anew: the sky behind a window is as dark as the lamp.
+    let view = &run.room.view(run.room.camera, run.settings);
+    let black = vec![Vec3::ZERO; view.shown.len()];
+    let total = |run: &Run<'_>| -> f64 {
+        let picture = run.picture(view, &black);
+        f64::from(picture.into_iter().sum::<Vec3>().element_sum())
+    };
+    let before = total(run).max(1e-9);
     let mut out = Vec::new();
     for frame in 1..=run.settings.frames {
         run.step(view);
