@@ -10,7 +10,7 @@ use embree4_sys::{
     RTCRay, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16,
     RTCSceneFlags,
 };
-use raytwin_tests::embree::{EmbreeHit, EmbreeOptions, EmbreeRay, EmbreeScene};
+use raytwin_tests::embree::{EmbreeOptions, EmbreeRay, EmbreeScene};
 use raytwin_tests::rays::meshes::{Random, displaced_sphere};
 
 // Two triangles of a square at z = 0.
@@ -329,6 +329,13 @@ fn wrapper_and_raw_calls_agree() {
     }
 }
 
+/// Whether Embree may say this where the other is exact: it divides by a
+/// reciprocal of 12 bits, of which each maker has its own, and one step of Newton's.
+/// The step leaves less than `(1.5 * 2^-12)^2`, rounding the rest.
+fn divided(found: f32, exact: f32) -> bool {
+    (found - exact).abs() <= 4.0 * f32::EPSILON * exact
+}
+
 /// Each member means what we take it for, known from the square itself.
 #[test]
 fn a_hit_is_where_it_must_be() {
@@ -338,17 +345,16 @@ fn a_hit_is_where_it_must_be() {
             ..Default::default()
         };
         let scene = scene(&POSITIONS, &INDICES, options);
-        let expected = EmbreeHit {
-            t: 2.0,
-            u: 0.5,
-            v: 0.25,
-            primitive: 0,
-        };
-        // (-1, -1) + 0.5 (2, 0) + 0.25 (2, 2)
-        assert_eq!(scene.intersect(&ray(0.5, -0.5)), Some(expected));
-        let second = scene.intersect(&ray(-0.5, 0.5)).expect("a hit");
-        // (-1, -1) + 0.25 (2, 2) + 0.5 (0, 2)
-        assert_eq!((second.u, second.v, second.primitive), (0.25, 0.5, 1));
+        // (-1, -1) + 0.5 (2, 0) + 0.25 (2, 2), and (-1, -1) + 0.25 (2, 2) + 0.5 (0, 2)
+        for (ray, u, v, primitive) in [
+            (ray(0.5, -0.5), 0.5, 0.25, 0),
+            (ray(-0.5, 0.5), 0.25, 0.5, 1),
+        ] {
+            let hit = scene.intersect(&ray).expect("a hit");
+            assert_eq!(hit.primitive, primitive);
+            let near = divided(hit.t, 2.0) && divided(hit.u, u) && divided(hit.v, v);
+            assert!(near, "{hit:?}");
+        }
         for (t_min, t_max, hit) in [(0.0, 1.9, false), (2.1, 100.0, false), (1.9, 2.1, true)] {
             let ray = EmbreeRay {
                 t_min,

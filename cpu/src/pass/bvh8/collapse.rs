@@ -131,7 +131,7 @@ fn plan(nodes: &[BvhNode]) -> Vec<Plan> {
             };
             continue;
         }
-        let (left, right) = (plans[node.first as usize], plans[node.first as usize + 1]);
+        let (left, right) = (&plans[node.first as usize], &plans[node.first as usize + 1]);
         let mut out = NONE;
         out.count = left.count.saturating_add(right.count);
         let mut spread = [f32::INFINITY; 9];
@@ -246,12 +246,13 @@ impl Collapse<'_> {
 
     /// Up to eight triangles as a block.
     fn block(&mut self, triangles: &[BvhTriangle]) -> u32 {
-        let mut block = EMPTY_BLOCK;
+        let at = self.blocks.len();
+        self.blocks.push(EMPTY_BLOCK);
+        let block = &mut self.blocks[at];
         for (k, t) in triangles.iter().enumerate().take(BLOCK) {
             block.set(k, [t.a, t.b, t.c], t.primitive);
         }
-        self.blocks.push(block);
-        (self.blocks.len() - 1) as u32 | LEAF
+        at as u32 | LEAF
     }
 
     /// Triangles in one box, as one block or as nodes over blocks.
@@ -313,13 +314,18 @@ impl Collapse<'_> {
 /// Collapses a binary tree.
 pub(super) fn collapse(tree: BvhView<'_>) -> Result<Bvh8, Bvh8Fault> {
     check_nodes(tree.nodes, tree.triangles.len())?;
+    // Room for a little more than ordinary meshes need, so that the lists do not
+    // move as they grow; what is not used is given back.
+    let triangles = tree.triangles.len();
     let mut collapse = Collapse {
         tree,
         plans: plan(tree.nodes),
-        nodes: Vec::new(),
-        blocks: Vec::new(),
+        nodes: Vec::with_capacity(triangles / 20 + 1),
+        blocks: Vec::with_capacity(triangles / 4 + 1),
     };
     let root = collapse.run();
+    collapse.nodes.shrink_to_fit();
+    collapse.blocks.shrink_to_fit();
     Ok(Bvh8 {
         nodes: collapse.nodes,
         blocks: collapse.blocks,
