@@ -1,9 +1,10 @@
 //! The speed-against-error report.
 //!
 //! [`run`] measures what [`Options`] ask for and writes a folder: `index.html`
-//! (self-contained), `report.json` ([`schema`]), and the pictures and plots as
-//! files. Kernels come from the registry, traversal engines from `bvh`,
-//! pictures and convergence from [`crate::stages`].
+//! (self-contained), `report.json` ([`schema`]), `measured.md` (tables for a page
+//! of text), and the pictures and plots as files. Kernels come from the registry,
+//! traversal engines from `bvh`, pictures and convergence from
+//! [`crate::stages`].
 
 pub mod bvh;
 mod error;
@@ -12,6 +13,7 @@ mod filters;
 pub mod kernels;
 mod machine;
 mod materials;
+mod measured;
 mod names;
 mod output;
 mod page;
@@ -346,7 +348,9 @@ impl<'a> Run<'a> {
         report.files = files.keys().cloned().collect();
         report
             .files
-            .extend([output::PAGE, output::JSON].map(String::from));
+            .extend([output::PAGE, output::JSON, output::TABLES].map(String::from));
+        let tables = measured::measured(&report);
+        files.insert(output::TABLES.into(), tables.into_bytes());
         let page = page::page(&report, &pictures, &plots);
         files.insert(output::PAGE.into(), page.into_bytes());
         files.insert(output::JSON.into(), serde_json::to_vec_pretty(&report)?);

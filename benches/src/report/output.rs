@@ -12,6 +12,8 @@ use super::schema::Report;
 pub(super) const JSON: &str = "report.json";
 /// The name of the readable half.
 pub(super) const PAGE: &str = "index.html";
+/// The file with tables for a page of text.
+pub(super) const TABLES: &str = "measured.md";
 
 /// An output folder that can be written to, with a hidden folder beside it in
 /// which the report grows. Dropping it removes that.
