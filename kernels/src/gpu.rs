@@ -179,6 +179,43 @@ impl BvhBuffers {
         }
     }
 
+    /// Uploads a tree over the one that is there: after `Bvh::refit`, whose words
+    /// are as many as before. The copy is before whatever you submit next.
+    ///
+    /// ```no_run
+    /// # fn demo(
+    /// #     queue: &wgpu::Queue,
+    /// #     bvh: &mut raytwin::ray::bvh_build::Bvh,
+    /// #     buffers: &raytwin::gpu::BvhBuffers,
+    /// #     (positions, indices): (&[glam::Vec3], &[[u32; 3]]),
+    /// # ) -> Result<(), Box<dyn std::error::Error>> {
+    /// bvh.refit(positions, indices)?;
+    /// buffers.write(queue, &bvh.node_words(), &bvh.triangle_words())?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// If the words are not as many as the buffers hold. Then nothing is written.
+    pub fn write(
+        &self,
+        queue: &wgpu::Queue,
+        nodes: &[u32],
+        triangles: &[u32],
+    ) -> Result<(), BvhSizeError> {
+        let words = |buffer: &wgpu::Buffer| (buffer.size() / 4) as usize;
+        let held = [words(&self.nodes), words(&self.triangles)];
+        let given = [nodes.len(), triangles.len()];
+        if given != held {
+            return Err(BvhSizeError { given, held });
+        }
+        for (buffer, words) in [(&self.nodes, nodes), (&self.triangles, triangles)] {
+            let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+            queue.write_buffer(buffer, 0, &bytes);
+        }
+        Ok(())
+    }
+
     /// Layout for your pipeline layout, at index [`Self::GROUP`].
     ///
     /// ```no_run
@@ -225,3 +262,34 @@ impl BvhBuffers {
         self.nodes.size() + self.triangles.size() + masks
     }
 }
+
+/// [`BvhBuffers::write`] with a tree of another size.
+///
+/// ```no_run
+/// # fn demo(queue: &wgpu::Queue, buffers: &raytwin::gpu::BvhBuffers) {
+/// // No tree has a node of one word.
+/// let error = buffers.write(queue, &[0], &[]).unwrap_err();
+/// assert_eq!(error.given, [1, 0]);
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BvhSizeError {
+    /// Words of the nodes and of the triangles that were given.
+    pub given: [usize; 2],
+    /// Words that the buffers hold.
+    pub held: [usize; 2],
+}
+
+impl std::fmt::Display for BvhSizeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (given, held) = (self.given, self.held);
+        write!(
+            f,
+            "{} words of nodes and {} of triangles do not fit into buffers of {} and {}: make \
+             new buffers for a tree of another size",
+            given[0], given[1], held[0], held[1]
+        )
+    }
+}
+
+impl std::error::Error for BvhSizeError {}

@@ -8,7 +8,7 @@ use raytwin::filter::svgf::{
 use raytwin::filter::tiles::{
     tiles_at, tiles_atrous_reach, tiles_color_flags, tiles_count, tiles_reach, tiles_scalar_flags,
 };
-use raytwin::gpu::BvhBuffers;
+use raytwin::gpu::{BvhBuffers, BvhSizeError};
 use raytwin::pass::svgf::{SvgfGpu, SvgfPass, SvgfSignal};
 use raytwin::pass::tiles::TileMask;
 use raytwin::random::pcg::{pcg_hash, pcg_unit};
@@ -104,18 +104,8 @@ fn run(gpu: &Gpu, buffers: &BvhBuffers, source: String) -> Vec<u32> {
     gpu.read(&results, 4 * RAYS as usize)
 }
 
-#[test]
-fn buffers_and_bindings_trace_what_the_cpu_traces() {
-    let gpus = adapters().unwrap_or_else(|e| panic!("{e}"));
-    let positions = [
-        Vec3::new(-0.7, -0.7, 0.0),
-        Vec3::new(0.8, -0.6, 0.3),
-        Vec3::new(0.1, 0.9, -0.2),
-        Vec3::new(-0.9, 0.5, 1.0),
-    ];
-    let indices = [[0, 1, 2], [0, 2, 3]];
-    let bvh = Bvh::build(&positions, &indices, BuildQuality::Medium).expect("a plain mesh");
-    let expected: Vec<BvhHit> = (0..RAYS)
+fn on_the_processor(bvh: &Bvh) -> Vec<BvhHit> {
+    let hits: Vec<BvhHit> = (0..RAYS)
         .map(|i| {
             let origin = Vec3::new(
                 (i % 32) as f32 / 16.0 - 1.0,
@@ -131,15 +121,79 @@ fn buffers_and_bindings_trace_what_the_cpu_traces() {
             bvh_closest(&bvh.view(), ray)
         })
         .collect();
-    let hits = expected.iter().filter(|h| h.primitive != BVH_MISS).count();
-    assert!(hits > 100, "only {hits} rays hit");
+    let count = hits.iter().filter(|h| h.primitive != BVH_MISS).count();
+    assert!(count > 100, "only {count} rays hit");
+    hits
+}
+
+/// Rays that have another hit than on the processor.
+fn differing(expected: &[BvhHit], words: &[u32]) -> usize {
+    let pairs = expected.iter().zip(words.chunks_exact(4));
+    pairs
+        .filter(|(hit, word)| {
+            let t = f32::from_bits(word[0]);
+            hit.primitive != word[3] || (hit.t - t).abs() > 1e-5 * hit.t
+        })
+        .count()
+}
+
+#[test]
+fn a_refitted_tree_is_written_over_the_first() {
+    let gpus = adapters().unwrap_or_else(|e| panic!("{e}"));
+    let at =
+        |i: u32, j: u32, height: f32| Vec3::new(i as f32 / 4.0 - 1.0, j as f32 / 4.0 - 1.0, height);
+    let sheet = |bend: f32| -> Vec<Vec3> {
+        (0..81)
+            .map(|k| (k % 9, k / 9))
+            .map(|(i, j)| at(i, j, bend * (i * j % 5) as f32))
+            .collect()
+    };
+    let indices: Vec<[u32; 3]> = (0..64)
+        .map(|k| k / 8 * 9 + k % 8)
+        .flat_map(|k| [[k, k + 1, k + 10], [k, k + 10, k + 9]])
+        .collect();
+    let flat = Bvh::build(&sheet(0.0), &indices, BuildQuality::Medium).expect("a sheet");
+    let mut bent = flat.clone();
+    bent.refit(&sheet(0.3), &indices).expect("the same mesh");
+    let expected = on_the_processor(&bent);
+    for gpu in gpus {
+        let buffers = BvhBuffers::new(gpu.device(), &flat.node_words(), &flat.triangle_words());
+        let source = || {
+            raytwin::wgsl::link(&["ray/bvh"]).expect("registered")
+                + BvhBuffers::bindings_wgsl()
+                + MAIN
+        };
+        let before = differing(&expected, &run(gpu, &buffers, source()));
+        assert!(before > 500, "{}: {before} rays differ", gpu.label());
+        let (nodes, triangles) = (bent.node_words(), bent.triangle_words());
+        buffers
+            .write(gpu.queue(), &nodes, &triangles)
+            .expect("as many words");
+        let off = differing(&expected, &run(gpu, &buffers, source()));
+        // Rays along an edge may change sides where the driver fuses.
+        assert!(off <= 40, "{}: {off} of {RAYS} rays differ", gpu.label());
+        let error = buffers.write(gpu.queue(), &nodes[8..], &triangles);
+        let given = [nodes.len() - 8, triangles.len()];
+        let held = [nodes.len(), triangles.len()];
+        assert_eq!(error, Err(BvhSizeError { given, held }));
+    }
+}
+
+#[test]
+fn buffers_and_bindings_trace_what_the_cpu_traces() {
+    let gpus = adapters().unwrap_or_else(|e| panic!("{e}"));
+    let positions = [
+        Vec3::new(-0.7, -0.7, 0.0),
+        Vec3::new(0.8, -0.6, 0.3),
+        Vec3::new(0.1, 0.9, -0.2),
+        Vec3::new(-0.9, 0.5, 1.0),
+    ];
+    let indices = [[0, 1, 2], [0, 2, 3]];
+    let bvh = Bvh::build(&positions, &indices, BuildQuality::Medium).expect("a plain mesh");
+    let expected = on_the_processor(&bvh);
     for gpu in gpus {
         let words = trace(gpu, &bvh.node_words(), &bvh.triangle_words());
-        let mut off = 0;
-        for (hit, word) in expected.iter().zip(words.chunks_exact(4)) {
-            let t = f32::from_bits(word[0]);
-            off += usize::from(hit.primitive != word[3] || (hit.t - t).abs() > 1e-5 * hit.t);
-        }
+        let off = differing(&expected, &words);
         // Rays along an edge may change sides where the driver fuses.
         assert!(off <= 8, "{}: {off} of {RAYS} rays differ", gpu.label());
 

@@ -143,6 +143,17 @@ pub enum BvhError {
         /// Number of triangles.
         count: usize,
     },
+    /// [`Bvh::refit`] with the triangles of another mesh.
+    #[error(
+        "the mesh has {given} triangles, not the {built} of the tree: refit with the mesh that \
+         it was built for, or build anew"
+    )]
+    Refit {
+        /// Number of triangles.
+        given: usize,
+        /// Number of triangles that the tree was built for.
+        built: usize,
+    },
 }
 
 /// What [`Bvh::validate`] finds wrong with a tree.
@@ -406,8 +417,9 @@ impl Shape {
 /// The boxes of inner nodes from those of their children.
 pub(super) fn join(nodes: &mut [BvhNode]) {
     for i in (0..nodes.len()).rev() {
-        if nodes[i].count == 0 {
-            let first = nodes[i].first as usize;
+        let first = nodes[i].first as usize;
+        // In a broken tree a child may be anywhere.
+        if nodes[i].count == 0 && first > i && first + 1 < nodes.len() {
             let (l, r) = (nodes[first], nodes[first + 1]);
             nodes[i].min = l.min.min(r.min);
             nodes[i].max = l.max.max(r.max);
@@ -493,6 +505,66 @@ impl Bvh {
             nodes,
             triangles: ordered,
         })
+    }
+
+    /// Moves the triangles, and the boxes with them; the tree's shape stays. The
+    /// hits are those of a tree built anew; the more the mesh is deformed, the
+    /// longer they take. For the GPU upload its words again
+    /// (`raytwin::gpu::BvhBuffers::write`).
+    ///
+    /// ```
+    /// use glam::Vec3;
+    ///
+    /// use raytwin::ray::bvh::bvh_closest;
+    /// use raytwin::ray::bvh_build::{BuildQuality, Bvh};
+    /// use raytwin::ray::ray::Ray;
+    /// let mut positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let mut tree = Bvh::build(&positions, &[[0, 1, 2]], BuildQuality::Medium)?;
+    /// for p in &mut positions {
+    ///     p.z += 0.5;
+    /// }
+    /// tree.refit(&positions, &[[0, 1, 2]])?;
+    /// let ray = Ray {
+    ///     origin: Vec3::new(0.25, 0.5, 2.0),
+    ///     direction: Vec3::NEG_Z,
+    ///     t_min: 0.0,
+    ///     t_max: 9.0,
+    /// };
+    /// assert_eq!(bvh_closest(&tree.view(), ray).t, 1.5);
+    /// # Ok::<(), raytwin::ray::bvh_build::BvhError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Self::build`], and if the mesh has another number of triangles than
+    /// the tree. Then nothing is changed.
+    pub fn refit(&mut self, positions: &[Vec3], indices: &[[u32; 3]]) -> Result<(), BvhError> {
+        let other = BvhError::Refit {
+            given: indices.len(),
+            built: self.triangles.len(),
+        };
+        if indices.len() != self.triangles.len() {
+            return Err(other);
+        }
+        let mut moved = Vec::with_capacity(self.triangles.len());
+        for &BvhTriangle { primitive, .. } in &self.triangles {
+            let triangle = primitive as usize;
+            let t = *indices.get(triangle).ok_or_else(|| other.clone())?;
+            let [a, b, c] = corners(positions, triangle, t)?;
+            moved.push(BvhTriangle { a, b, c, primitive });
+        }
+        for node in self.nodes.iter_mut().filter(|node| node.count > 0) {
+            let first = node.first as usize;
+            let end = first.saturating_add(node.count as usize);
+            (node.min, node.max) = (Vec3::MAX, Vec3::MIN);
+            for t in moved.get(first..end).unwrap_or(&[]) {
+                let (low, high) = bvh_triangle_box(t.a, t.b, t.c);
+                node.min = node.min.min(low);
+                node.max = node.max.max(high);
+            }
+        }
+        join(&mut self.nodes);
+        self.triangles = moved;
+        Ok(())
     }
 
     /// The tree for [`bvh_closest`](raytwin_cpu::ray::bvh::bvh_closest) and
@@ -847,6 +919,61 @@ mod tests {
         let e = Bvh::build(&p, &t, BuildQuality::Fast).unwrap_err();
         assert!(matches!(e, BvhError::TooFar { triangle: 7, .. }), "{e}");
         assert!(e.to_string().contains("scale the mesh down"));
+    }
+
+    #[test]
+    fn refit_is_rebuild() {
+        let (before, indices) = sheet(24);
+        let mut state = 7;
+        let mut random = || {
+            state = pcg_hash(state);
+            (state >> 8) as f32 / 16_777_216.0 - 0.5
+        };
+        let after: Vec<Vec3> = before
+            .iter()
+            .map(|p| *p * 3.0 + 0.3 * Vec3::new(random(), random(), random()))
+            .collect();
+        let bits = |hit: raytwin_cpu::ray::bvh::BvhHit| {
+            ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive)
+        };
+        for quality in BuildQuality::ALL {
+            let mut tree = Bvh::build(&before, &indices, quality).expect("a sheet");
+            let rebuilt = Bvh::build(&after, &indices, quality).expect("a sheet");
+            tree.refit(&after, &indices).expect("the same triangles");
+            assert_eq!(tree.validate(), Ok(()));
+            let mut hits = 0;
+            for i in 0..4000 {
+                let ray = down(3.0 * (i % 63) as f32 / 62.0, 3.0 * (i / 63) as f32 / 63.0);
+                let truth = bvh_closest(&rebuilt.view(), ray);
+                assert_eq!(bits(bvh_closest(&tree.view(), ray)), bits(truth));
+                hits += usize::from(truth.primitive != BVH_MISS);
+            }
+            assert!(hits > 2000, "{hits}");
+            // A mesh that does not fit changes nothing.
+            let was = tree.clone();
+            let mut bad = before.clone();
+            bad[30].y = f32::NAN;
+            assert!(matches!(
+                tree.refit(&bad, &indices),
+                Err(BvhError::NotFinite { index: 30, .. })
+            ));
+            assert_eq!(
+                tree.refit(&before, &indices[1..]),
+                Err(BvhError::Refit {
+                    given: indices.len() - 1,
+                    built: indices.len(),
+                })
+            );
+            assert!(tree.refit(&before[..9], &indices).is_err());
+            assert!(tree == was);
+        }
+        // Broken trees neither panic nor hang.
+        let mut broken = Bvh::build(&before, &indices, BuildQuality::Fast).expect("a sheet");
+        broken.nodes[0].first = u32::MAX;
+        broken.nodes[1].count = u32::MAX;
+        broken.refit(&after, &indices).expect("the same triangles");
+        broken.triangles[0].primitive = u32::MAX;
+        assert!(broken.refit(&after, &indices).is_err());
     }
 
     #[test]
