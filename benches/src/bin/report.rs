@@ -11,7 +11,7 @@ use raytwin_bench::report::{Options, run, summary};
 #[derive(Parser)]
 #[command(name = "cargo xtask report", version)]
 struct Cli {
-    /// Two and a half minutes on two cores (the default)
+    /// Ten to fifteen minutes on two cores (the default)
     #[arg(long, conflicts_with = "full")]
     quick: bool,
     /// The long run: more inputs, rays, samples and pixels
