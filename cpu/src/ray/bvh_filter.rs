@@ -7,7 +7,7 @@
 
 use super::bvh::{BVH_MISS, BvhHit, BvhTriangle, BvhView, bvh_walk};
 use super::ray::{Ray, RayShear, ray_rotate};
-use super::triangle::{triangle_edge, triangle_shear};
+use super::triangle::triangle_edges;
 
 /// Both sides of a triangle can be hit.
 pub const BVH_FACES_BOTH: u32 = 0;
@@ -25,13 +25,8 @@ fn bvh_filter_front(triangle: &BvhTriangle, shear: &RayShear) -> bool {
     let la = triangle.a - shear.origin;
     let lb = triangle.b - shear.origin;
     let lc = triangle.c - shear.origin;
-    let sa = triangle_shear(ray_rotate(la, shear.axis), shear.shear);
-    let sb = triangle_shear(ray_rotate(lb, shear.axis), shear.shear);
-    let sc = triangle_shear(ray_rotate(lc, shear.axis), shear.shear);
-    let ea = triangle_edge(sb, sc);
-    let eb = triangle_edge(sc, sa);
-    let ec = triangle_edge(sa, sb);
-    let below = ea < 0.0 || eb < 0.0 || ec < 0.0;
+    let edges = triangle_edges(shear, la, lb, lc);
+    let below = edges.x < 0.0 || edges.y < 0.0 || edges.z < 0.0;
     let along = ray_rotate(shear.direction, shear.axis).z;
     below == (along > 0.0)
 }

@@ -104,7 +104,7 @@ pub fn triangle_intersect_moller_trumbore(ray: Ray, a: Vec3, b: Vec3, c: Vec3) -
 /// The two triangles of an edge move its ends by these same operations, so
 /// they see the same edge.
 #[inline(always)]
-pub(super) fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
+fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
     Vec2::new(vertex.x - shear.x * vertex.z, vertex.y - shear.y * vertex.z)
 }
 
@@ -117,7 +117,7 @@ pub(super) fn triangle_shear(vertex: Vec3, shear: Vec2) -> Vec2 {
 /// subtraction. Products that round to the same number give zero; otherwise
 /// the sign is that of their comparison, fused or not.
 #[inline(always)]
-pub(super) fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
+fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
     let swap = a.x > b.x || (a.x == b.x && a.y > b.y);
     let low = if swap { b } else { a };
     let high = if swap { a } else { b };
@@ -125,6 +125,19 @@ pub(super) fn triangle_edge(a: Vec2, b: Vec2) -> f32 {
     let q = low.y * high.x;
     let area = if p == q { 0.0 } else { p - q };
     if swap { -area } else { area }
+}
+
+/// The three edge functions of a triangle whose vertices are given from the
+/// ray's origin: one sign where the ray lets it through.
+#[inline(always)]
+pub(super) fn triangle_edges(shear: &RayShear, la: Vec3, lb: Vec3, lc: Vec3) -> Vec3 {
+    let sa = triangle_shear(ray_rotate(la, shear.axis), shear.shear);
+    let sb = triangle_shear(ray_rotate(lb, shear.axis), shear.shear);
+    let sc = triangle_shear(ray_rotate(lc, shear.axis), shear.shear);
+    let ea = triangle_edge(sb, sc);
+    let eb = triangle_edge(sc, sa);
+    let ec = triangle_edge(sa, sb);
+    Vec3::new(ea, eb, ec)
 }
 
 /// The core of [`triangle_intersect_watertight`], for a ray that is prepared.
@@ -171,12 +184,8 @@ pub fn triangle_intersect_sheared(
     let la = a - shear.origin;
     let lb = b - shear.origin;
     let lc = c - shear.origin;
-    let sa = triangle_shear(ray_rotate(la, shear.axis), shear.shear);
-    let sb = triangle_shear(ray_rotate(lb, shear.axis), shear.shear);
-    let sc = triangle_shear(ray_rotate(lc, shear.axis), shear.shear);
-    let ea = triangle_edge(sb, sc);
-    let eb = triangle_edge(sc, sa);
-    let ec = triangle_edge(sa, sb);
+    let edges = triangle_edges(shear, la, lb, lc);
+    let (ea, eb, ec) = (edges.x, edges.y, edges.z);
     let below = ea < 0.0 || eb < 0.0 || ec < 0.0;
     let above = ea > 0.0 || eb > 0.0 || ec > 0.0;
     if below == above {

@@ -69,6 +69,18 @@ fn triangle_edge(a: vec2f, b: vec2f) -> f32 {
     return select(area, -area, swap);
 }
 
+// The three edge functions of a triangle whose vertices are given from the
+// ray's origin: one sign where the ray lets it through.
+fn triangle_edges(shear: RayShear, la: vec3f, lb: vec3f, lc: vec3f) -> vec3f {
+    let sa = triangle_shear(ray_rotate(la, shear.axis), shear.shear);
+    let sb = triangle_shear(ray_rotate(lb, shear.axis), shear.shear);
+    let sc = triangle_shear(ray_rotate(lc, shear.axis), shear.shear);
+    let ea = triangle_edge(sb, sc);
+    let eb = triangle_edge(sc, sa);
+    let ec = triangle_edge(sa, sb);
+    return vec3f(ea, eb, ec);
+}
+
 // The core of triangle_intersect_watertight, for a ray that is prepared.
 // t_min and t_max are both accepted.
 fn triangle_intersect_sheared(
@@ -82,12 +94,10 @@ fn triangle_intersect_sheared(
     let la = a - shear.origin;
     let lb = b - shear.origin;
     let lc = c - shear.origin;
-    let sa = triangle_shear(ray_rotate(la, shear.axis), shear.shear);
-    let sb = triangle_shear(ray_rotate(lb, shear.axis), shear.shear);
-    let sc = triangle_shear(ray_rotate(lc, shear.axis), shear.shear);
-    let ea = triangle_edge(sb, sc);
-    let eb = triangle_edge(sc, sa);
-    let ec = triangle_edge(sa, sb);
+    let edges = triangle_edges(shear, la, lb, lc);
+    let ea = edges.x;
+    let eb = edges.y;
+    let ec = edges.z;
     let below = ea < 0.0 || eb < 0.0 || ec < 0.0;
     let above = ea > 0.0 || eb > 0.0 || ec > 0.0;
     if below == above {
