@@ -11,6 +11,8 @@
 //!   its taps are all data they have no mask either.
 //! - Rows `step` apart, which share four of five rows of taps, come one after
 //!   the other: what they read stays in the second cache at any image size.
+//! - A pass does not wait for the whole image: it follows the one before as soon
+//!   as what it reaches is there, and finds the surfaces still in a cache.
 //! - [`crate::simd`] chooses the vector instructions.
 
 // Lanes index a dozen arrays at once.
@@ -37,12 +39,18 @@ const STRIP: usize = 16;
 /// Rows that follow each other, `step` apart.
 const BAND: usize = 16;
 
+/// Rows of a pass for each thread, before the next pass follows: few enough that
+/// with those that the passes lag behind they stay in the third cache.
+const ROWS: usize = 32;
+
 /// Numbers in a line of the cache.
 const LINE: usize = 16;
 
-/// Planes of a surface: position, normal, reach.
-const SURFACE: usize = 7;
+/// Planes of a surface: position, normal, reach, and how much a distance of 1 adds
+/// to an exponent, below 0 where there is no surface.
+const SURFACE: usize = 8;
 const REACH: usize = 6;
+const STEEPNESS: usize = 7;
 
 /// Planes that say what is data: 1 where the sample and the surface are.
 const MASK: usize = 0;
@@ -52,10 +60,16 @@ const VARIANCE_MASK: usize = 1;
 const KNOWN: usize = 2;
 const MASKS: usize = 3;
 
+/// Half of the largest variance: rounding up, sixteen passes long, does not make
+/// it too large.
+const LOUD_BITS: u32 = VARIANCE_BITS - (1 << 23);
+
 type Block = [f32; LANES];
 
 /// To begin an array with.
 const EMPTY: &Block = &[0.0; LANES];
+/// The mask where all is data.
+const ONES: &Block = &[1.0; LANES];
 
 /// Numbers from the start of a line of the cache on.
 #[derive(Debug)]
@@ -129,6 +143,8 @@ pub struct SvgfPass<const C: usize> {
     gaps: Vec<u32>,
     /// Whether masks and luminance are still to be made.
     raw: bool,
+    /// Whether a variance is so large that what comes of it may be no data.
+    loud: bool,
     /// What [`SvgfPass::filter_tiles`] filters; without it everything is.
     tiles: Option<TileMask>,
 }
@@ -152,17 +168,31 @@ pub(super) fn for_rows<T: Send>(
     }
 }
 
+/// How many rows can be worked on at a time.
+fn threads() -> usize {
+    #[cfg(feature = "rayon")]
+    return rayon::current_num_threads();
+    #[cfg(not(feature = "rayon"))]
+    1
+}
+
 /// Rows and their numbers.
 type Rows<'a> = Vec<(usize, &'a mut [f32])>;
 
 /// Applies `work` to groups of rows that are `step` apart, in parallel with the
-/// feature `rayon`.
-fn for_bands(data: &mut [f32], row: usize, step: usize, work: impl Fn(Rows<'_>) + Sync + Send) {
+/// feature `rayon`. The first row's number is `first`.
+fn for_bands(
+    data: &mut [f32],
+    row: usize,
+    first: usize,
+    step: usize,
+    work: impl Fn(Rows<'_>) + Sync + Send,
+) {
     let rows = data.len() / row;
     let mut bands: Vec<Rows<'_>> = Vec::new();
     bands.resize_with(rows.div_ceil(step * BAND) * step, Vec::new);
-    for (y, row) in data.chunks_mut(row).enumerate() {
-        bands[y / (step * BAND) * step + y % step].push((y, row));
+    for (i, row) in data.chunks_mut(row).enumerate() {
+        bands[i / (step * BAND) * step + i % step].push((first + i, row));
     }
     #[cfg(feature = "rayon")]
     {
@@ -270,7 +300,7 @@ struct Normals {
 struct Row<'a, const C: usize> {
     position: [&'a [f32]; 3],
     normal: [&'a [f32]; 3],
-    reach: &'a [f32],
+    steepness: &'a [f32],
     channels: [&'a [f32]; C],
     variance: &'a [f32],
     luminance: &'a [f32],
@@ -534,10 +564,15 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
             for x in (strip..width.min(strip + STRIP * LANES)).step_by(LANES) {
                 let at = pass.margin + x;
                 let count = LANES.min(width - x);
-                let reach = block(own.reach, at);
-                let known = block(own.masks[KNOWN], at);
+                let steepness = block(own.steepness, at);
+                let whole = own.whole(at, at + LANES);
+                let known = if whole {
+                    ONES
+                } else {
+                    block(own.masks[KNOWN], at)
+                };
                 // Neither what no pass can change nor what is nothing but sky.
-                if pass.leaves_out(x, y) || !reach.iter().any(|r| *r > 0.0) {
+                if pass.leaves_out(x, y) || !steepness.iter().any(|s| *s >= 0.0) {
                     pass.copy_block(&own, at, count, known, out);
                     continue;
                 }
@@ -550,9 +585,8 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                     luminance_falloff: [0.0; LANES],
                 };
                 for l in 0..LANES {
-                    let steep = LOG2_E * svgf_falloff(pass.settings.sigma_depth * reach[l]);
                     for k in 0..3 {
-                        centre.across[k][l] = centre.normal[k][l] * steep;
+                        centre.across[k][l] = centre.normal[k][l] * steepness[l];
                     }
                     let scale = svgf_luminance_scale(
                         smooth[l],
@@ -621,7 +655,7 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                         let kept = least(most(mean, sums.low[c][l]), sums.high[c][l]);
                         let filled = if sums.total[l] < TOTAL_MIN { 0.0 } else { kept };
                         let own = own_values[c][l];
-                        results[c][l] = if reach[l] > 0.0 { filled } else { own };
+                        results[c][l] = if steepness[l] >= 0.0 { filled } else { own };
                     }
                 }
                 let (mut variance, mut light): (Block, Block) = ([0.0; LANES], [0.0; LANES]);
@@ -635,7 +669,7 @@ fn gather<const C: usize, const WIDE: usize, const RADIUS: usize>(work: Gather<'
                         spread
                     };
                     let own = own_variance[l] * known[l];
-                    variance[l] = if reach[l] > 0.0 { filled } else { own };
+                    variance[l] = if steepness[l] >= 0.0 { filled } else { own };
                     bad |= u32::from(variance[l].to_bits() >= VARIANCE_BITS);
                 }
                 if C == 3 {
@@ -684,18 +718,23 @@ impl<const C: usize> SvgfPass<C> {
         // the caches.
         let lines = (2 * margin + width.next_multiple_of(LANES)) / LINE;
         let pitch = (lines | 1) * LINE;
+        let mut surfaces = Planes::new(height * SURFACE * pitch);
+        for row in surfaces.all_mut().chunks_exact_mut(SURFACE * pitch) {
+            row[STEEPNESS * pitch..].fill(-1.0);
+        }
         Self {
             size,
             settings,
             level: SimdLevel::best(),
             margin,
             pitch,
-            surfaces: Planes::new(height * SURFACE * pitch),
+            surfaces,
             image: Planes::new(height * Self::IMAGE * pitch),
             next: Planes::new(height * Self::IMAGE * pitch),
             masks: Planes::new(height * MASKS * pitch),
             gaps: vec![0; height * (pitch / LINE + 1)],
             raw: true,
+            loud: false,
             tiles: None,
         }
     }
@@ -764,6 +803,7 @@ impl<const C: usize> SvgfPass<C> {
     /// ```
     pub fn set_surfaces(&mut self, read: impl Fn(UVec2) -> SvgfSurface + Sync + Send) {
         self.raw = true;
+        let sigma = self.settings.sigma_depth;
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
         for_rows(self.surfaces.all_mut(), SURFACE * pitch, |y, row| {
             for x in 0..width {
@@ -792,6 +832,11 @@ impl<const C: usize> SvgfPass<C> {
                     s.normal.y,
                     s.normal.z,
                     s.reach,
+                    if usable {
+                        LOG2_E * svgf_falloff(sigma * s.reach)
+                    } else {
+                        -1.0
+                    },
                 ];
                 for (k, v) in planes.into_iter().enumerate() {
                     row[k * pitch + margin + x] = v;
@@ -893,9 +938,24 @@ impl<const C: usize> SvgfPass<C> {
     /// assert_ne!(history, pass.row(4, 0));
     /// ```
     pub fn filter(&mut self, mut feedback: impl FnMut(&Self)) {
-        for i in 0..self.settings.passes.min(16) {
-            self.atrous(1 << i);
-            if i == self.settings.feedback {
+        let passes = self.settings.passes.min(16);
+        let history = self.settings.feedback;
+        let mut done = 0;
+        while done < passes {
+            let end = if done <= history && history < passes {
+                history + 1
+            } else {
+                passes
+            };
+            if self.raw {
+                self.prepare();
+            }
+            // What is no data changes what the next pass finds.
+            let alone = self.raw || self.loud;
+            let end = if alone { done + 1 } else { end };
+            self.flow(done..end);
+            done = end;
+            if history.checked_add(1) == Some(done) {
                 feedback(self);
             }
         }
@@ -1032,24 +1092,68 @@ impl<const C: usize> SvgfPass<C> {
             self.prepare();
         }
         let step = step.min(1 << self.settings.passes.clamp(1, 16).saturating_sub(1)) as usize;
+        self.atrous_rows(step, 0..self.size.y as usize);
+        std::mem::swap(&mut self.image, &mut self.next);
+    }
+
+    /// Passes one behind the other: each does some rows as soon as the one before
+    /// has done what they reach, while all that these rows read is still in a
+    /// cache. The rows that a pass writes over are read by none any more, since
+    /// no pass reaches farther than the next.
+    fn flow(&mut self, passes: std::ops::Range<u32>) {
+        let height = self.size.y as usize;
+        if self.size.x == 0 {
+            return;
+        }
+        let mut lag = 0;
+        let passes: Vec<(usize, usize)> = passes
+            .map(|i| {
+                let step = 1 << i;
+                // The variance's Gaussian reaches one pixel.
+                lag += (self.settings.radius.min(2) as usize * step).max(1);
+                (step, lag)
+            })
+            .collect();
+        let rows = if passes.len() == 1 {
+            height + lag
+        } else {
+            ROWS * threads()
+        };
+        for front in (0..height + lag).step_by(rows) {
+            for (step, lag) in &passes {
+                let row = |front: usize| front.saturating_sub(*lag).min(height);
+                let rows = row(front)..row(front + rows);
+                if !rows.is_empty() {
+                    self.atrous_rows(*step, rows);
+                }
+                std::mem::swap(&mut self.image, &mut self.next);
+            }
+            if passes.len() % 2 == 1 {
+                std::mem::swap(&mut self.image, &mut self.next);
+            }
+        }
+        if passes.len() % 2 == 1 {
+            std::mem::swap(&mut self.image, &mut self.next);
+        }
+    }
+
+    /// Rows of one pass, from `image` to `next`.
+    fn atrous_rows(&mut self, step: usize, rows: std::ops::Range<usize>) {
         let mut next = std::mem::replace(&mut self.next, Planes::new(0));
         let (pass, broken) = (&*self, &AtomicBool::new(false));
-        for_bands(
-            next.all_mut(),
-            Self::IMAGE * self.pitch,
-            step.max(1),
-            |rows| {
-                let work = Gather {
-                    pass,
-                    step,
-                    rows,
-                    broken,
-                };
-                simd::run(pass.level, work);
-            },
-        );
+        let row = Self::IMAGE * self.pitch;
+        let data = &mut next.all_mut()[rows.start * row..rows.end * row];
+        for_bands(data, row, rows.start, step.max(1), |rows| {
+            let work = Gather {
+                pass,
+                step,
+                rows,
+                broken,
+            };
+            simd::run(pass.level, work);
+        });
         self.raw |= broken.load(Ordering::Relaxed);
-        self.next = std::mem::replace(&mut self.image, next);
+        self.next = next;
     }
 
     /// Says what is data, and makes 0 of what is not.
@@ -1057,7 +1161,7 @@ impl<const C: usize> SvgfPass<C> {
         let (width, margin, pitch) = (self.size.x as usize, self.margin, self.pitch);
         let (image, surfaces) = (self.image.all(), self.surfaces.all());
         let size = |v: f32| v.to_bits() & 0x7fff_ffff;
-        let unknown = AtomicBool::new(false);
+        let (unknown, loud) = (AtomicBool::new(false), AtomicBool::new(false));
         for_rows(self.masks.all_mut(), MASKS * pitch, |y, row| {
             let reach = &surfaces[(y * SURFACE + REACH) * pitch + margin..][..width];
             let plane = |k: usize| &image[(y * Self::IMAGE + k) * pitch + margin..][..width];
@@ -1067,7 +1171,7 @@ impl<const C: usize> SvgfPass<C> {
             let usable = &mut usable[margin..][..width];
             let known_variance = &mut known_variance[margin..][..width];
             let known = &mut known[margin..][..width];
-            let mut all = true;
+            let (mut all, mut high) = (true, false);
             for x in 0..width {
                 let mut largest = 0;
                 for c in 0..C {
@@ -1079,6 +1183,10 @@ impl<const C: usize> SvgfPass<C> {
                 known[x] = if sample { 1.0 } else { 0.0 };
                 usable[x] = if sample && reach[x] > 0.0 { 1.0 } else { 0.0 };
                 all &= sample;
+                high |= v && size(variance[x]) >= LOUD_BITS;
+            }
+            if high {
+                loud.store(true, Ordering::Relaxed);
             }
             if !all {
                 unknown.store(true, Ordering::Relaxed);
@@ -1086,6 +1194,7 @@ impl<const C: usize> SvgfPass<C> {
         });
         // The next pass has numbers in place of what is none.
         self.raw = unknown.into_inner();
+        self.loud = loud.into_inner();
         let masks = self.masks.all();
         for_rows(self.image.all_mut(), Self::IMAGE * pitch, |y, row| {
             let plane = |k: usize| &masks[(y * MASKS + k) * pitch + margin..][..width];
@@ -1144,7 +1253,7 @@ impl<const C: usize> SvgfPass<C> {
         Row {
             position: [surface(0), surface(1), surface(2)],
             normal: [surface(3), surface(4), surface(5)],
-            reach: surface(REACH),
+            steepness: surface(STEEPNESS),
             channels,
             variance: image(C),
             luminance: image(Self::LUMINANCE),
@@ -1290,6 +1399,84 @@ mod tests {
         assert!(fade(40.0) > 0.0);
     }
 
+    /// Images that take several turns of [`SvgfPass::flow`], against one pass
+    /// after the other over the whole image.
+    fn follows(loud: bool, bad: bool, settings: SvgfSettings) {
+        let size = UVec2::new(21, 5 * (ROWS * threads()) as u32 / 2 + 7);
+        let mut flowing = SvgfPass::<1>::new(size, settings);
+        flowing.set_surfaces(surface);
+        flowing.set_image(|at| {
+            let (v, variance) = value(at);
+            let v = if bad || v.y.abs() < 4.0 { v.y } else { 1.0 };
+            let variance = if bad || variance.abs() < 4.0 {
+                variance
+            } else {
+                1.0
+            };
+            let most = f32::from_bits(VARIANCE_BITS - 1);
+            (
+                [v],
+                if loud && at.y % 50 == 7 {
+                    most
+                } else {
+                    variance
+                },
+            )
+        });
+        let mut waiting = flowing.clone();
+        let mut histories = Vec::new();
+        flowing.filter(|image| histories.push(bits(image)));
+        let mut expected = Vec::new();
+        for i in 0..settings.passes {
+            waiting.atrous(1 << i);
+            if i == settings.feedback {
+                expected.push(bits(&waiting));
+            }
+        }
+        let what = format!("loud {loud} bad {bad} {settings:?}");
+        assert!(histories == expected, "history, {what}");
+        assert!(bits(&flowing) == bits(&waiting), "{what}");
+    }
+
+    #[test]
+    fn passes_that_follow_each_other_give_the_same_bits() {
+        for settings in PRESETS {
+            for feedback in [0, 1, settings.passes - 1, 9] {
+                let settings = SvgfSettings {
+                    feedback,
+                    ..settings
+                };
+                follows(false, false, settings);
+                follows(false, true, settings);
+                follows(true, false, settings);
+            }
+        }
+        let narrow = SvgfSettings {
+            radius: 0,
+            ..SvgfSettings::PAPER
+        };
+        follows(false, false, narrow);
+    }
+
+    #[cfg(feature = "rayon")]
+    #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        for threads in [1, 3, 4] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().expect("a pool of a few threads");
+            pool.install(|| follows(false, false, SvgfSettings::PAPER));
+        }
+    }
+
+    #[test]
+    fn an_image_without_surfaces_stays() {
+        let mut pass = SvgfPass::<1>::new(UVec2::new(140, 9), SvgfSettings::PAPER);
+        pass.set_image(|at| ([at.x as f32], 1.0));
+        let before = bits(&pass);
+        pass.filter(|_| ());
+        assert!(bits(&pass) == before);
+    }
+
     #[test]
     fn every_level_gives_the_same_bits() {
         let size = UVec2::new(333, 41);
@@ -1302,14 +1489,7 @@ mod tests {
                     (v.to_array(), variance)
                 });
                 pass.filter(|_| ());
-                let rows = (0..size.y).flat_map(|y| (0..4).map(move |c| (y, c)));
-                rows.flat_map(|(y, c)| {
-                    pass.row(y, c)
-                        .iter()
-                        .map(|v| v.to_bits())
-                        .collect::<Vec<_>>()
-                })
-                .collect::<Vec<_>>()
+                bits(&pass)
             };
             let baseline = at(SimdLevel::Baseline);
             for level in SimdLevel::ALL {
