@@ -4,6 +4,7 @@ use std::fmt;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Instant;
 
 use crate::vulkan::Vulkan;
 
@@ -88,8 +89,10 @@ impl Environment {
         variables: &[(&str, &str)],
     ) -> Result<(), Failure> {
         println!("$ cargo {}", arguments.join(" "));
+        let start = Instant::now();
         let (program, mut command) = self.command(arguments, variables);
         let status = command.status().map_err(|e| Failure::Start(program, e))?;
+        took(step, start);
         if status.success() {
             return Ok(());
         }
@@ -116,11 +119,17 @@ impl Environment {
     }
 }
 
+/// Says how long a step took: most of a run is compiling, and this shows where.
+fn took(step: &str, start: Instant) {
+    println!("# {step}: {:.0} s", start.elapsed().as_secs_f64());
+}
+
 /// Runs a test runner, shows its output as it comes and counts.
 ///
 /// # Errors
 /// If it does not start, or ends badly without a failed test.
 pub fn counted(mut command: Command, step: &'static str, tests: &mut Tests) -> Result<(), Failure> {
+    let begin = Instant::now();
     let start = |e| Failure::Start(step.into(), e);
     let failed = tests.failed;
     let mut child = command.stdout(Stdio::piped()).spawn().map_err(start)?;
@@ -131,6 +140,7 @@ pub fn counted(mut command: Command, step: &'static str, tests: &mut Tests) -> R
         }
     }
     let status = child.wait().map_err(start)?;
+    took(step, begin);
     if !status.success() && tests.failed == failed {
         return Err(Failure::Step(step, 101));
     }

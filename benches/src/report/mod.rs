@@ -150,12 +150,20 @@ const GROWTH: &str = "bvh/growth";
 /// Entries of a scene that need it loaded.
 fn scene_entries(scene: &str) -> Vec<String> {
     let stages = stages::Stage::ALL.map(stages::Stage::name);
-    let others = ["convergence", REFLECTIONS, SEQUENCES];
-    stages
-        .into_iter()
-        .chain(others)
-        .map(|stage| stage_entry(scene, stage))
-        .collect()
+    let others = ["convergence", REFLECTIONS];
+    let stages = stages.into_iter().chain(others);
+    let mut entries: Vec<_> = stages.map(|stage| stage_entry(scene, stage)).collect();
+    for signal in sequence::Signal::ALL {
+        let events = sequence::Event::ALL.into_iter();
+        entries.extend(events.map(|event| sequence_entry(scene, signal, event)));
+    }
+    entries
+}
+
+/// What `--only` calls a sequence: `stages/toy/sequences/soft_shadow/light_jumps`.
+fn sequence_entry(scene: &str, signal: sequence::Signal, event: sequence::Event) -> String {
+    let event = event.name().replace(' ', "_");
+    stage_entry(scene, &format!("{SEQUENCES}/{}/{event}", signal.name()))
 }
 
 impl<'a> Run<'a> {
@@ -495,16 +503,23 @@ impl<'a> Run<'a> {
         let full = self.options.full;
         let possible = |signal: Signal, event| {
             let needs_balls = signal == Signal::Reflection || event == Event::Ball;
-            signal.has(event) && (balls.has_balls() || !needs_balls)
+            let name = sequence_entry(&scene.scene.name, signal, event);
+            signal.has(event) && (balls.has_balls() || !needs_balls) && self.only.takes(&name)
         };
         let mut jobs = Vec::new();
         for signal in Signal::ALL {
             for event in Event::ALL.into_iter().filter(|e| possible(signal, *e)) {
-                let quick = matches!(
-                    (signal, event),
-                    (Signal::SoftShadow, Event::LightJumps | Event::Ball)
-                        | (Signal::AmbientOcclusion | Signal::Reflection, Event::Pan)
-                );
+                // One that is named is wanted at any length.
+                let named = self.options.only.as_ref().is_some_and(|only| {
+                    only.to_lowercase()
+                        .contains(&event.name().replace(' ', "_"))
+                });
+                let quick = named
+                    || matches!(
+                        (signal, event),
+                        (Signal::SoftShadow, Event::LightJumps | Event::Ball)
+                            | (Signal::AmbientOcclusion | Signal::Reflection, Event::Pan)
+                    );
                 if full {
                     jobs.push((signal, event, SequenceSettings::full()));
                 } else if quick {
@@ -694,10 +709,7 @@ impl<'a> Run<'a> {
             // The quick report has the toy room's, or those that were asked for.
             let asked = self.options.scene.is_some() || self.options.only.is_some();
             let is_wanted = self.options.full || asked || name == "toy";
-            if is_wanted
-                && !self.options.gpu_only
-                && self.only.takes(&stage_entry(&name, SEQUENCES))
-            {
+            if is_wanted && !self.options.gpu_only {
                 shown.extend(self.measure_sequences(&scene, &progress)?);
             }
             // Only the first scene: the sampler's slope is what counts, and it
