@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use super::page::{number, short};
-use super::schema::{Adapter, BvhRow, KernelRow, Report};
+use super::schema::{Adapter, BvhRow, KernelRow, Report, SequenceRow};
 
 /// The tables.
 #[must_use]
@@ -31,8 +31,44 @@ pub fn measured(report: &Report) -> String {
     techniques(report, &mut out);
     kernels(report, &mut out);
     traversal(report, &mut out);
+    sequences(report, &mut out);
     goals(report, &mut out);
     out
+}
+
+/// Error and milliseconds of what is filtered over time.
+fn sequences(report: &Report, out: &mut String) {
+    if report.sequences.is_empty() {
+        return;
+    }
+    out.push_str("\n## Over time\n\nA frame of a sequence on the CPU, reprojection and filters without tracing, and the last frame's error against a reference of 1024 samples. The report has more variants, and plots.\n");
+    let few = |r: &SequenceRow| {
+        let passes = r.variant.starts_with("SVGF") && r.variant.ends_with(" passes");
+        let of_passes = passes && r.piece.as_deref() != Some("no passes over the image");
+        let filtered = r.variant.starts_with("SVGF") || r.variant.starts_with("average");
+        let average = r.variant == "average of 32 frames";
+        of_passes || average || !filtered || r.variant.ends_with("passes, clamped")
+    };
+    for (name, rows) in super::plots::sequences(report) {
+        let _ = writeln!(out, "\n**{name}**\n");
+        heading(
+            out,
+            &["variant", "ms", "RMSE", "PSNR", "SSIM", "FLIP", "flicker"],
+        );
+        for r in rows.into_iter().filter(|r| few(r)) {
+            let _ = writeln!(
+                out,
+                "| {} | {} | {} | {:.1} | {} | {} | {} |",
+                r.variant,
+                rough(r.ms),
+                rough(r.rmse),
+                r.psnr,
+                r.ssim.map_or("–".into(), |s| format!("{s:.3}")),
+                rough(r.flip),
+                rough(r.flicker),
+            );
+        }
+    }
 }
 
 fn heading(out: &mut String, columns: &[&str]) {

@@ -837,7 +837,7 @@ fn sequence_table(name: &str, rows: &[&SequenceRow]) -> Markup {
     } } }
 }
 
-/// What each piece buys: error and time when it is left out or put in.
+/// What each piece buys: error added and time saved when it is left out.
 fn pieces_table(rows: &[&SequenceRow]) -> Markup {
     let Some(base) = rows
         .iter()
@@ -849,17 +849,29 @@ fn pieces_table(rows: &[&SequenceRow]) -> Markup {
         0.0 => "±0 %".to_owned(),
         n => format!("{n:+} %"),
     };
+    let adapters: Vec<&String> = base.gpu_ms.keys().collect();
+    let saved = |then: Option<f64>, now: Option<f64>| match (then, now) {
+        (Some(then), Some(now)) => format!("{:+.1}", then - now),
+        _ => "–".into(),
+    };
+    let on = |r: &SequenceRow, a: &String| r.gpu_ms.get(a).copied().flatten();
     html! { div.scroll { table {
-        caption { "What each piece buys: SVGF with three passes, changed in one thing." }
+        caption {
+            "What each piece buys: SVGF with three passes, changed in one thing. RMSE and milliseconds of all of it: "
+            (number(base.rmse)) ", " (number(base.ms)) "."
+        }
         thead { tr {
-            th.left { "Changed" } th { "RMSE" } th { "FLIP" } th { "Flicker" } th { "Milliseconds" }
+            th.left { "Changed" } th { "RMSE added" } th { "RMSE" } th { "FLIP" } th { "Flicker" } th { "ms saved" }
+            @for a in &adapters { th { "ms saved, " (short(a)) } }
         } }
         tbody { @for r in rows.iter().filter(|r| r.piece.is_some() && r.variant != base.variant) { tr {
             td.left { (r.piece.as_deref().unwrap_or_default()) }
+            td { (format!("{:+.4}", r.rmse - base.rmse)) }
             td { (percent(r.rmse / base.rmse)) }
             td { (percent(r.flip / base.flip)) }
             td { (percent(r.flicker / base.flicker)) }
-            td { (percent(r.ms / base.ms)) }
+            td { (saved(Some(base.ms), Some(r.ms))) }
+            @for a in &adapters { td { (saved(on(base, a), on(r, a))) } }
         } } }
     } } }
 }

@@ -161,7 +161,10 @@ impl Plot {
     pub fn axes(&self) -> (Axis, Axis) {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let stems = self.series.iter().flat_map(|s| s.stems.iter().copied());
-        let mut y = Axis::new(points().map(|p| p.1).chain(stems), FRAME.3, FRAME.1);
+        // A level line is data; a slope is only there to compare with.
+        let level = self.guide.iter().filter(|g| g.1 == 0.0).map(|g| g.0);
+        let heights = points().map(|p| p.1).chain(stems).chain(level);
+        let mut y = Axis::new(heights, FRAME.3, FRAME.1);
         let falls = |s: &Series| match (s.points.first(), s.points.last()) {
             (Some(first), Some(last)) => s.joined && last.1 < 0.8 * first.1,
             _ => true,

@@ -388,17 +388,21 @@ pub(super) fn sequences(report: &Report) -> Vec<(String, Vec<&SequenceRow>)> {
 }
 
 /// Error against time a frame; without a filter there is no time to draw.
-fn over_time(name: &str, rows: &[&SequenceRow], adapter: Option<&String>) -> Plot {
+fn over_time(name: &str, all: &[&SequenceRow], adapter: Option<&String>) -> Plot {
     let time = |r: &SequenceRow| match adapter {
         None => Some(r.ms),
         Some(adapter) => r.gpu_ms.get(adapter).copied().flatten(),
     };
-    let timed: Vec<&SequenceRow> = rows.iter().copied().filter(|r| time(r).is_some()).collect();
+    let timed: Vec<&SequenceRow> = all.iter().copied().filter(|r| time(r).is_some()).collect();
     let rows = &timed[..];
     let middle = rows
         .iter()
         .find(|r| r.piece.as_deref() == Some("all of it"))
-        .map_or(0.0, |r| r.rmse);
+        .map_or((0.0, 0.0), |r| (r.rmse, time(r).unwrap_or_default()));
+    let filtered = ["SVGF", "average"];
+    let bare = all
+        .iter()
+        .find(|r| !filtered.iter().any(|f| r.variant.starts_with(f)));
     let of = |title: &str, k: usize, chosen: &[&&SequenceRow], labels: Vec<String>| Series {
         labels,
         joined: k == 0,
@@ -420,7 +424,9 @@ fn over_time(name: &str, rows: &[&SequenceRow], adapter: Option<&String>) -> Plo
         .filter(|r| {
             // What changes nothing would lie on the point that it came from.
             let of_the_passes = r.variant.ends_with(" passes");
-            r.piece.is_some() && !of_the_passes && (r.rmse / middle - 1.0).abs() > 0.04
+            let moved = |now: f64, then: f64| (now / then - 1.0).abs() > 0.04;
+            let moves = moved(r.rmse, middle.0) || moved(time(r).unwrap_or_default(), middle.1);
+            r.piece.is_some() && !of_the_passes && moves
         })
         .collect();
     let averages: Vec<_> = rows
@@ -463,7 +469,8 @@ fn over_time(name: &str, rows: &[&SequenceRow], adapter: Option<&String>) -> Plo
                 averages.iter().map(rest).collect(),
             ),
         ],
-        guide: None,
+        // What is not filtered takes no time, and has no place on this axis.
+        guide: bare.map(|r| (r.rmse, 0.0, format!("no filter: {}", r.variant))),
     }
 }
 

@@ -384,6 +384,8 @@ fn is_shown(name: &str) -> bool {
         "SVGF, 3 passes",
         "SVGF, 5 passes",
         "SVGF, 3 passes, variance of the mean",
+        "SVGF, 3 passes, clamped",
+        "SVGF, 3 passes, blended",
         "SVGF, 3 passes, not reprojected",
     ];
     shown.contains(&name)
@@ -610,15 +612,18 @@ fn pictures(
         ),
         &[show::sheet(&rows)],
     )?;
-    add(
-        "reference",
-        format!(
-            "{title}, {event}: reference of the last frame, {} samples a pixel.",
-            settings.reference_samples
-        ),
-        &[whole],
-    )?;
     let [first, third] = [chosen_tracks[0], base];
+    let [noisy, filtered] = [first, third].map(|t| Picture::of(size, &shown(&t.shown[1], frame)));
+    let (_, rgb) = metrics::flip(size, &third.shown[1], reference);
+    let wrong = Picture { size, rgb };
+    add(
+        "frames",
+        format!(
+            "{title}, {event}: the last frame, {} and {}; below them the reference of {} samples a pixel, and FLIP of the filtered one.",
+            first.variant.name, third.variant.name, settings.reference_samples
+        ),
+        &[show::sheet(&[vec![noisy, filtered], vec![whole, wrong]])],
+    )?;
     let animation: Vec<Picture> = first
         .panels
         .iter()

@@ -41,6 +41,29 @@ fn row<'a>(run: &'a SequenceRun, name: &str) -> &'a SequenceResult {
     found.unwrap_or_else(|| panic!("no variant {name}"))
 }
 
+#[test]
+fn frames_do_not_depend_on_the_run_or_its_threads() {
+    for scene in [Scene::toy_room(), Scene::kitchen().unwrap()] {
+        let scene = StageScene::new(scene).unwrap();
+        let room = &scene.scene;
+        let balls = ReflectionScene::new(&scene).unwrap_or_else(|| ReflectionScene::bare(&scene));
+        let film = Film::new(&balls, Signal::SoftShadow, UVec2::new(96, 54));
+        let at = |n| moment(Event::Pan, room.camera, room, balls.back, n, 8);
+        let bits = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let frame = pool
+                .build()
+                .unwrap()
+                .install(|| film.frame(&at(5), &at(4), 5));
+            let bits = |v: &Vec3| v.to_array().map(f32::to_bits);
+            frame.unwrap().noisy.iter().map(bits).collect::<Vec<_>>()
+        };
+        let once = bits(1);
+        assert!(once.iter().any(|v| *v != once[0]), "nothing to see");
+        assert!(bits(1) == once && bits(2) == once);
+    }
+}
+
 const AVERAGE: &str = "average of 32 frames";
 
 fn passes(n: u32) -> String {
