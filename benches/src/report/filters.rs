@@ -287,6 +287,18 @@ impl Clock {
         }
     }
 
+    /// Writes a timestamp here.
+    fn mark(&self, encoder: &mut wgpu::CommandEncoder, index: u32) {
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: None,
+            timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                query_set: &self.queries,
+                beginning_of_pass_write_index: (index == 0).then_some(0),
+                end_of_pass_write_index: (index == 1).then_some(1),
+            }),
+        });
+    }
+
     /// Milliseconds from each even timestamp to the next.
     pub(super) fn run(&self, gpu: &Gpu, mut encoder: wgpu::CommandEncoder) -> Vec<f64> {
         encoder.resolve_query_set(&self.queries, 0..self.count, &self.resolved, 0);
@@ -366,6 +378,79 @@ fn copy_ms(gpu: &Gpu, from: &wgpu::Buffer, to: &wgpu::Buffer, repeats: usize) ->
     median(&mut times)
 }
 
+/// Numbers of each pixel, as bytes.
+fn words(size: UVec2, of: &(dyn Fn(UVec2) -> Vec<f32> + Sync)) -> Vec<u8> {
+    let all: Vec<UVec2> = pixels(size).collect();
+    let numbers: Vec<f32> = all.par_iter().flat_map_iter(|at| of(*at)).collect();
+    bytemuck::cast_slice(&numbers).to_vec()
+}
+
+/// The surfaces, and histories that are long enough.
+fn write_frame(gpu: &Gpu, filter: &SvgfGpu) {
+    let surfaces = words(filter.size(), &|at| {
+        let s = surface(at);
+        let (p, n) = (s.position, s.normal);
+        vec![p.x, p.y, p.z, s.reach, n.x, n.y, n.z, 0.0]
+    });
+    gpu.queue().write_buffer(filter.surfaces(), 0, &surfaces);
+    let history = words(filter.size(), &|_| vec![8.0]);
+    gpu.queue().write_buffer(filter.history(), 0, &history);
+}
+
+/// What leaving out tiles saves on each adapter with a clock of its own: a scalar
+/// of which a part is full light, finding and listing the tiles included.
+pub(super) fn gpu_tiles(gpus: &[&Gpu], repeats: usize) -> Result<Vec<GoalRow>, ReportError> {
+    let mut out = Vec::new();
+    for gpu in gpus.iter().filter(|g| g.has_timestamps()) {
+        let size = GPU_SIZES[usize::from(!gpu.is_software())];
+        let new = |tiles: Option<u32>| {
+            let (device, settings) = (gpu.device(), SvgfSettings::PAPER);
+            let signal = SvgfSignal::Scalar;
+            match tiles {
+                Some(most) => SvgfGpu::with_tiles(device, size, settings, signal, most),
+                None => SvgfGpu::new(device, size, settings, signal),
+            }
+            .map_err(ProgramError::from)
+        };
+        let filters = [new(None)?, new(Some(size.element_product()))?];
+        for filter in &filters {
+            write_frame(gpu, filter);
+        }
+        let clock = Clock::new(gpu, 2);
+        for (share, limit) in [(0.5, 0.8), (0.9, 0.5)] {
+            let edge = (f64::from(size.x) * share) as u32;
+            let image = words(size, &|at| match at.x < edge {
+                true => vec![1.0, 0.0],
+                false => vec![value(at)[0], VARIANCE],
+            });
+            let mut times = [Vec::new(), Vec::new()];
+            for _ in 0..repeats.max(3) {
+                for (filter, times) in filters.iter().zip(&mut times) {
+                    gpu.queue().write_buffer(filter.input(), 0, &image);
+                    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+                    clock.mark(&mut encoder, 0);
+                    filter.encode(&mut encoder);
+                    clock.mark(&mut encoder, 1);
+                    times.extend(clock.run(gpu, encoder));
+                }
+            }
+            let [whole, some] = times.map(|mut t| median(&mut t));
+            out.push(GoalRow {
+                name: format!(
+                    "SVGF, shadow, {:.0} % full light: tiles over the whole",
+                    100.0 * share
+                ),
+                backend: gpu.label(),
+                measured: some / whole,
+                limit,
+                detail: format!("{some:.1} ms over {whole:.1} ms at {} x {}", size.x, size.y),
+                shader: None,
+            });
+        }
+    }
+    Ok(out)
+}
+
 /// Each pass of `SvgfGpu` on each adapter with a clock of its own, beside a
 /// copy of its surfaces.
 pub(super) fn gpu_passes(gpus: &[&Gpu], repeats: usize) -> Result<Vec<PassRow>, ReportError> {
@@ -381,23 +466,11 @@ pub(super) fn gpu_passes(gpus: &[&Gpu], repeats: usize) -> Result<Vec<PassRow>, 
         }) {
             let filter = SvgfGpu::new(gpu.device(), size, SvgfSettings::PAPER, signal)
                 .map_err(ProgramError::from)?;
-            let all: Vec<UVec2> = pixels(size).collect();
-            let words = |of: &(dyn Fn(UVec2) -> Vec<f32> + Sync)| -> Vec<u8> {
-                let numbers: Vec<f32> = all.par_iter().flat_map_iter(|at| of(*at)).collect();
-                bytemuck::cast_slice(&numbers).to_vec()
-            };
-            let surfaces = words(&|at| {
-                let s = surface(at);
-                let (p, n) = (s.position, s.normal);
-                vec![p.x, p.y, p.z, s.reach, n.x, n.y, n.z, 0.0]
-            });
-            let image = words(&|at| match signal {
+            let image = words(size, &|at| match signal {
                 SvgfSignal::Color => value(at).into_iter().chain([VARIANCE]).collect(),
                 SvgfSignal::Scalar => vec![value(at)[0], VARIANCE],
             });
-            gpu.queue().write_buffer(filter.surfaces(), 0, &surfaces);
-            gpu.queue()
-                .write_buffer(filter.history(), 0, &words(&|_| vec![8.0]));
+            write_frame(gpu, &filter);
             let passes = filter.passes();
             let clock = Clock::new(gpu, 2 * passes.len() as u32);
             let mut times = vec![Vec::new(); passes.len()];

@@ -409,6 +409,9 @@ impl<'a> Run<'a> {
                 self.options.full,
             ));
         }
+        self.report
+            .goals
+            .extend(filters::gpu_tiles(&self.gpus, self.stage_settings.repeats)?);
         self.report.passes = filters::gpu_passes(&self.gpus, self.stage_settings.repeats)?;
         for gpu in self.gpus.iter().filter(|g| g.has_timestamps()) {
             let sizes = if gpu.is_software() {
