@@ -259,9 +259,9 @@ pub fn variants(signal: Signal, moves: bool, all: bool) -> Vec<Variant> {
     piece("history in f16", Recipe { half: true, ..base }, false);
     if signal != Signal::Reflection {
         piece("as RGB", base, true);
-        let tiles = true;
-        piece("tiles left out", Recipe { tiles, ..base }, false);
     }
+    let tiles = true;
+    piece("tiles left out", Recipe { tiles, ..base }, false);
     if moves {
         for (name, place) in [
             ("not reprojected", Where::Here),

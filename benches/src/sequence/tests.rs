@@ -144,4 +144,6 @@ fn reflections_move_otherwise_than_what_reflects() {
     let rmse = |v: &str| row(&run, v).rmse;
     assert!(rmse(&passes(1)) < rmse("quarter ray"));
     assert!(rmse("SVGF, 3 passes, hit point") < rmse("SVGF, 3 passes, not reprojected"));
+    let tiles = row(&run, "SVGF, 3 passes, tiles left out");
+    assert_eq!(tiles.by_frame, row(&run, &passes(3)).by_frame);
 }
