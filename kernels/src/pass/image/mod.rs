@@ -1,4 +1,5 @@
-//! Every filter as a wgpu compute pass over your own images (feature `gpu`).
+//! The filters as wgpu compute passes over your own images (feature `gpu`); tiles are
+//! left out by [`SvgfGpu`](crate::pass::svgf::SvgfGpu), over its own buffers.
 //!
 //! Create a pass once for a device and a size, bind it to your images, encode
 //! it into your command encoder:
