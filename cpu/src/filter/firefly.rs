@@ -657,4 +657,43 @@ mod tests {
         }
         assert!(invented > 1e-4, "{invented}");
     }
+
+    #[test]
+    fn every_exposure_changes_nothing_but_the_scale() {
+        for (name, filter) in ALL {
+            for at in pixels(SIZE) {
+                let plain = filter(at, SIZE, &color);
+                for power in -10..=10 {
+                    let k = 2f32.powi(power);
+                    assert_eq!(
+                        filter(at, SIZE, &|p| color(p) * k),
+                        plain * k,
+                        "{name}, {k}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_and_transposed_images_give_mirrored_results() {
+        let size = UVec2::splat(24);
+        let flips: [fn(UVec2) -> UVec2; 3] = [
+            |p| UVec2::new(23 - p.x, p.y),
+            |p| UVec2::new(p.x, 23 - p.y),
+            |p| UVec2::new(p.y, p.x),
+        ];
+        for flip in flips {
+            for (name, filter) in ALL {
+                for at in pixels(size) {
+                    let plain = filter(flip(at), size, &color);
+                    let other = filter(at, size, &|p| color(flip(p)));
+                    // Ranks are exact; statistics are added in another order.
+                    let rounding = if name.starts_with("clamp") { 2e-6 } else { 0.0 };
+                    let apart = (other - plain).abs().max_element();
+                    assert!(apart <= rounding * plain.max_element(), "{name} at {at}");
+                }
+            }
+        }
+    }
 }
