@@ -696,4 +696,24 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn the_weights_of_the_mean_sum_to_one() {
+        // No constant shows it, as a mean is held between its inputs.
+        for (gamma, at) in [1.0, 4.0]
+            .into_iter()
+            .flat_map(|g| pixels(SIZE).map(move |p| (g, p)))
+        {
+            let line = |scale: f32, more: f32| {
+                let read = |p| Vec3::new(noise(p, 0), noise(p, 1), noise(p, 2)) * scale + more;
+                firefly_limit(firefly_stats(at, SIZE, read), gamma)
+            };
+            let (plain, other) = (line(1.0, 0.0), line(2.0, 3.0));
+            // 23 steps of 4 ULP, of means below 1 (twice) and below 8, and as
+            // much in each distance from the mean.
+            let rounding = 96.0 * (2f32.powi(-23) + 2f32.powi(-21)) * (1.0 + gamma);
+            let apart = (other - (plain * 2.0 + 3.0)).abs().max_element();
+            assert!(apart < rounding, "{at}: {apart}");
+        }
+    }
 }

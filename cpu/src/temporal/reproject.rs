@@ -2224,18 +2224,25 @@ mod tests {
 
     #[test]
     fn trap_neither_of_two_histories() {
-        // Scores of 0 where there is no history, over their sum.
-        let (first, second) = (0f32, 0f32);
-        assert!((first / (first + second)).is_nan());
+        // Weights over their sum, both of them 0 that far from the frame.
+        let weight = |distance: f32| exp2_poly(-10.0 * distance);
+        assert!((weight(96.0) / (weight(96.0) + weight(96.0))).is_nan());
         let none = reproject_gather(REPROJECT_NO_TAPS, |_| ReprojectHistory {
             value: f32::NAN,
             length: 9.0,
         });
-        for (a, b) in [(0.0, 0.0), (1.0, 96.0), (1e30, 1e30)] {
+        assert_eq!((none.value, none.length), (0.0, 0.0));
+        let other = ReprojectHistory {
+            value: 5.0,
+            length: 0.0,
+        };
+        for (a, b) in [(0.0, 0.0), (1.0, 96.0), (96.0, 96.0), (1e30, 1e30)] {
             let share = reproject_share(a, b);
             assert!((0.0..=1.0).contains(&share));
-            let blend = reproject_blend(none, none, share);
-            assert_eq!((blend.value, blend.length), (0.0, 0.0));
+            assert_eq!(reproject_blend(none, none, share), none);
+            // Never a mixture, nor a length.
+            let blend = reproject_blend(none, other, share);
+            assert!(blend == none || blend == other, "{blend:?}");
         }
     }
 }
