@@ -1988,7 +1988,8 @@ mod tests {
     #[test]
     fn mirrored_and_transposed_images_give_mirrored_histories() {
         let size = UVec2::splat(12);
-        let flips: [(fn(UVec2) -> UVec2, fn(Vec2) -> Vec2); 3] = [
+        type Flip = (fn(UVec2) -> UVec2, fn(Vec2) -> Vec2);
+        let flips: [Flip; 3] = [
             (|p| UVec2::new(11 - p.x, p.y), |m| Vec2::new(-m.x, m.y)),
             (|p| UVec2::new(p.x, 11 - p.y), |m| Vec2::new(m.x, -m.y)),
             (|p| UVec2::new(p.y, p.x), |m| Vec2::new(m.y, m.x)),
