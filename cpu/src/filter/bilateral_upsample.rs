@@ -603,4 +603,81 @@ mod tests {
         let w = bilateral_upsample_weight(normal, normal, offset, 0.5);
         assert!(w > 0.999_99, "{w}");
     }
+
+    #[test]
+    fn every_exposure_changes_nothing_but_the_scale() {
+        let (scale, low_size) = (4, SIZE / 4);
+        let read = |p: UVec2| floor(p.x as f32, p.y as f32);
+        for at in pixels(SIZE) {
+            let plain = bilateral_upsample_pixel(at, low_size, scale, read, |p| noisy(p, scale));
+            for power in -10..=10 {
+                let k = 2f32.powi(power);
+                let bright = bilateral_upsample_pixel(at, low_size, scale, read, |p| {
+                    let mut tap = noisy(p, scale);
+                    tap.color *= k;
+                    tap
+                });
+                assert_eq!(bright, plain * k);
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_and_transposed_images_give_mirrored_results() {
+        let size = UVec2::splat(24);
+        let flips: [fn(UVec2, u32) -> UVec2; 3] = [
+            |p, n| UVec2::new(n - 1 - p.x, p.y),
+            |p, n| UVec2::new(p.x, n - 1 - p.y),
+            |p, _| UVec2::new(p.y, p.x),
+        ];
+        // Heights alone decide, so that the places need no mirror.
+        let read = |p: UVec2| BilateralUpsampleSurface {
+            reach: 0.1 + 0.1 * noise(p, 6),
+            ..floor(0.0, 0.0)
+        };
+        for (flip, scale) in flips.into_iter().flat_map(|f| [(f, 2), (f, 4)]) {
+            let low = size / scale;
+            for at in pixels(size) {
+                let a =
+                    bilateral_upsample_pixel(flip(at, 24), low, scale, read, |p| noisy(p, scale));
+                let b = bilateral_upsample_pixel(
+                    at,
+                    low,
+                    scale,
+                    |p| read(flip(p, 24)),
+                    |p| noisy(flip(p, low.x), scale),
+                );
+                // Transposed, two of the taps are added in the other order: two
+                // sums of five and a quotient, each twice.
+                let apart = (a - b).abs().max_element();
+                assert!(
+                    apart <= 9.0 * f32::EPSILON * a.max_element(),
+                    "{at}: {a} {b}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_weights_sum_to_one() {
+        // No constant shows it, as results are held between their inputs.
+        let read = |p: UVec2| floor(p.x as f32, p.y as f32);
+        for (at, scale) in pixels(SIZE).flat_map(|p| [(p, 2), (p, 4)]) {
+            let line = |scaled: f32, more: f32| {
+                bilateral_upsample_pixel(at, SIZE / scale, scale, read, |p| {
+                    let mut tap = noisy(p, scale);
+                    tap.color = tap.color * (0.1 * scaled) + more;
+                    tap
+                })
+            };
+            let (plain, other) = (line(1.0, 0.0), line(2.0, 3.0));
+            // Two sums of five and a quotient: 12 roundings, of values below 1
+            // (twice) and below 8, with what is added.
+            let apart = (other - (plain * 2.0 + 3.0)).abs().max_element();
+            assert!(
+                apart < 13.0 * (2f32.powi(-23) + 2f32.powi(-21)),
+                "{at}: {apart}"
+            );
+        }
+    }
 }

@@ -657,4 +657,63 @@ mod tests {
         }
         assert!(invented > 1e-4, "{invented}");
     }
+
+    #[test]
+    fn every_exposure_changes_nothing_but_the_scale() {
+        for (name, filter) in ALL {
+            for at in pixels(SIZE) {
+                let plain = filter(at, SIZE, &color);
+                for power in -10..=10 {
+                    let k = 2f32.powi(power);
+                    assert_eq!(
+                        filter(at, SIZE, &|p| color(p) * k),
+                        plain * k,
+                        "{name}, {k}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_and_transposed_images_give_mirrored_results() {
+        let size = UVec2::splat(24);
+        let flips: [fn(UVec2) -> UVec2; 3] = [
+            |p| UVec2::new(23 - p.x, p.y),
+            |p| UVec2::new(p.x, 23 - p.y),
+            |p| UVec2::new(p.y, p.x),
+        ];
+        for flip in flips {
+            for (name, filter) in ALL {
+                for at in pixels(size) {
+                    let plain = filter(flip(at), size, &color);
+                    let other = filter(at, size, &|p| color(flip(p)));
+                    // Ranks are exact; statistics are added in another order.
+                    let rounding = if name.starts_with("clamp") { 2e-6 } else { 0.0 };
+                    let apart = (other - plain).abs().max_element();
+                    assert!(apart <= rounding * plain.max_element(), "{name} at {at}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_weights_of_the_mean_sum_to_one() {
+        // No constant shows it, as a mean is held between its inputs.
+        for (gamma, at) in [1.0, 4.0]
+            .into_iter()
+            .flat_map(|g| pixels(SIZE).map(move |p| (g, p)))
+        {
+            let line = |scale: f32, more: f32| {
+                let read = |p| Vec3::new(noise(p, 0), noise(p, 1), noise(p, 2)) * scale + more;
+                firefly_limit(firefly_stats(at, SIZE, read), gamma)
+            };
+            let (plain, other) = (line(1.0, 0.0), line(2.0, 3.0));
+            // 23 steps of 4 ULP, of means below 1 (twice) and below 8, and as
+            // much in each distance from the mean.
+            let rounding = 96.0 * (2f32.powi(-23) + 2f32.powi(-21)) * (1.0 + gamma);
+            let apart = (other - (plain * 2.0 + 3.0)).abs().max_element();
+            assert!(apart < rounding, "{at}: {apart}");
+        }
+    }
 }

@@ -455,4 +455,41 @@ mod tests {
         }
         assert_eq!(last, 0.0);
     }
+
+    #[test]
+    fn the_exposure_changes_nothing_but_the_scale() {
+        for power in -10..=10 {
+            let k = 2f32.powi(power);
+            let bright = |p| SeparableBlurPixel {
+                value: bumpy(p).value * k,
+                ..bumpy(p)
+            };
+            let plain = blurred(SIZE, 5, bumpy);
+            for (plain, other) in plain.iter().zip(blurred(SIZE, 5, bright)) {
+                assert_eq!(plain * k, other);
+            }
+        }
+    }
+
+    #[test]
+    fn the_weights_sum_to_one() {
+        // No constant shows it, as results are held between their inputs.
+        let more = |p| SeparableBlurPixel {
+            value: bumpy(p).value * 2.0 + 3.0,
+            ..bumpy(p)
+        };
+        for at in pixels(SIZE) {
+            for axis in [0, 1] {
+                let plain = separable_blur_pixel(at, SIZE, axis, 5, bumpy);
+                let other = separable_blur_pixel(at, SIZE, axis, 5, more);
+                // Two sums of six steps and a quotient: 15 roundings, of values
+                // below 1 (twice) and below 8, with what is added.
+                let apart = (other - (plain * 2.0 + 3.0)).abs();
+                assert!(
+                    apart < 16.0 * (2f32.powi(-23) + 2f32.powi(-21)),
+                    "{at}: {apart}"
+                );
+            }
+        }
+    }
 }

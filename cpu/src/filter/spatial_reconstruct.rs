@@ -666,4 +666,102 @@ mod tests {
         let r = spatial_reconstruct_finish(state, Vec3::ZERO);
         assert_eq!((r.color, r.variance), (Vec3::splat(65000.0), 0.0));
     }
+
+    fn speckle(at: UVec2) -> SpatialReconstructHit {
+        let mut next = numbers(at.x * 64 + at.y);
+        let radiance = Vec3::new(next(), next(), next());
+        hit(radiance, 0.01 + 4.0 * next())
+    }
+
+    fn lobe(at: UVec2) -> f32 {
+        ((at.x * 5 + at.y * 3) % 11) as f32
+    }
+
+    const HALF: UVec2 = UVec2::splat(24);
+
+    fn everywhere() -> impl Iterator<Item = (UVec2, f32)> {
+        let mut next = numbers(12);
+        (0..HALF.x * HALF.y).map(move |i| (UVec2::new(i % HALF.x, i / HALF.x), next()))
+    }
+
+    fn reconstructed(
+        at: UVec2,
+        turn: f32,
+        read: impl Fn(UVec2) -> SpatialReconstructHit,
+        weight: impl Fn(UVec2) -> f32,
+    ) -> SpatialReconstruction {
+        spatial_reconstruct_pixel(at * 2, HALF, 16, turn, read, |_, at, _| weight(at))
+    }
+
+    #[test]
+    fn the_exposure_changes_nothing_but_the_scale() {
+        for (at, turn) in everywhere() {
+            let plain = reconstructed(at, turn, speckle, lobe);
+            for power in -10..=10 {
+                let k = 2f32.powi(power);
+                let bright = |p| {
+                    let found = speckle(p);
+                    hit(found.radiance * k, found.pdf)
+                };
+                let other = reconstructed(at, turn, bright, lobe);
+                assert_eq!(other.color, plain.color * k);
+                assert_eq!(other.variance, plain.variance * k * k);
+                assert_eq!(other.samples, plain.samples);
+            }
+        }
+    }
+
+    #[test]
+    fn turned_images_give_turned_results() {
+        // The spiral's symmetry: a quarter turn, which swaps no two hits, so
+        // exactly; unless an offset is rounded the other way.
+        let mut seen = 0;
+        let turned = |p: UVec2| UVec2::new(HALF.x - 1 - p.y, p.x);
+        let back = |p: UVec2| UVec2::new(p.y, HALF.x - 1 - p.x);
+        for (at, turn) in everywhere() {
+            let turn = 0.25 * turn;
+            let halfway = |x: f32| (x - x.floor() - 0.5).abs() < 1e-4;
+            if (1..16)
+                .map(|i| spatial_reconstruct_offset(i, turn))
+                .any(|o| halfway(o.x) || halfway(o.y))
+            {
+                continue;
+            }
+            seen += 1;
+            let plain = reconstructed(at, turn, speckle, lobe);
+            let (mut place, mut times) = (at, 0);
+            for quarter in [0.25, 0.5, 0.75] {
+                place = turned(place);
+                times += 1;
+                let source = |p| (0..times).fold(p, |p, _| back(p));
+                let other = reconstructed(
+                    place,
+                    turn + quarter,
+                    |p| speckle(source(p)),
+                    |p| lobe(source(p)),
+                );
+                assert_eq!(other, plain, "{at}, {quarter}");
+            }
+        }
+        assert!(seen > 500, "{seen}");
+    }
+
+    #[test]
+    fn the_weights_sum_to_one() {
+        // No constant shows it, as results are held between their inputs.
+        for (at, turn) in everywhere() {
+            let more = |p| {
+                let found = speckle(p);
+                hit(found.radiance * 2.0 + 3.0, found.pdf)
+            };
+            let plain = reconstructed(at, turn, speckle, lobe).color;
+            let other = reconstructed(at, turn, more, lobe).color;
+            // 16 steps of 4 ULP, of values below 1 (twice) and below 8.
+            let apart = (other - (plain * 2.0 + 3.0)).abs().max_element();
+            assert!(
+                apart < 64.0 * (2f32.powi(-23) + 2f32.powi(-21)),
+                "{at}: {apart}"
+            );
+        }
+    }
 }

@@ -1677,4 +1677,82 @@ mod tests {
         let out = svgf_atrous_scalar_pixel(UVec2::new(0, 20), SIZE, 1, PAPER, wall, read);
         assert_eq!(out.value, 1.0);
     }
+
+    #[test]
+    fn a_farther_surface_never_weighs_more() {
+        let gradient = Vec2::new(0.25, -0.5);
+        let weights: [&dyn Fn(f32) -> f32; 2] = [
+            &|far| svgf_depth_weight(Vec3::Z, Vec3::new(3.0, -2.0, far), 0.05),
+            &|far| svgf_depth_weight_gradient(far, 2.0, gradient, Vec2::new(0.5, 0.25), 1.0),
+        ];
+        for weight in weights {
+            let mut last = weight(0.0);
+            assert_eq!(last, 1.0);
+            for i in 1..2000 {
+                let w = weight(i as f32 * 0.005);
+                assert!(w <= last && w == weight(i as f32 * -0.005));
+                last = w;
+            }
+            assert!(last < 1e-20, "{last}");
+        }
+    }
+
+    /// A coordinate in `[-1, 1]` as a signed number of so many bits holds it.
+    fn quantised(x: f32, bits: i32) -> f32 {
+        let most = 2f32.powi(bits - 1) - 1.0;
+        (x * most).round() / most
+    }
+
+    #[test]
+    fn trap_quantised_normals() {
+        use crate::math::octahedral::{octahedral_decode, octahedral_encode};
+        let mut least = [1.0f32; 4];
+        let mut plain = [1.0f32; 2];
+        for i in 0..40_000 {
+            let at = UVec2::new(i, 3);
+            let z = 1.0 - 2.0 * noise(at, 0);
+            let (s, c) = (std::f32::consts::TAU * noise(at, 1)).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let n = Vec3::new(r * c, r * s, z);
+            // A neighbour a thousandth of a radian aside.
+            let side = n.any_orthonormal_vector();
+            let near = (n + 1e-3 * side).normalize();
+            let octahedral = |n: Vec3, bits| {
+                let p = octahedral_encode(n);
+                octahedral_decode(Vec2::new(quantised(p.x, bits), quantised(p.y, bits)))
+            };
+            for (worst, bits) in least.iter_mut().zip([8, 10, 12, 16]) {
+                let (a, b) = (octahedral(n, bits), octahedral(near, bits));
+                *worst = worst.min(svgf_normal_weight(a, b, 7));
+            }
+            // Three components, not normalised again: the cosine's power gives
+            // even two equal ones little, ours all.
+            for (worst, bits) in plain.iter_mut().zip([8, 10]) {
+                let a = Vec3::from_array(n.to_array().map(|x| quantised(x, bits)));
+                *worst = worst.min((0..7).fold(vec3_dot(a, a), |c, _| c * c));
+                assert_eq!(svgf_normal_weight(a, a, 7), 1.0);
+            }
+        }
+        println!("octahedral, 8 10 12 16 bits: {least:?}; three plain, 8 10: {plain:?}");
+        // Exact normals have 0.99994.
+        for (least, want) in least.into_iter().zip([0.976, 0.9985, 0.9996, 0.9999]) {
+            assert!((want..want + 1e-3).contains(&least), "{least}");
+        }
+        assert!(plain[0] < 0.25 && plain[1] < 0.7, "{plain:?}");
+    }
+
+    #[test]
+    fn trap_zero_to_the_power_of_zero() {
+        use crate::math::exponent::pow_poly;
+        // As WGSL defines it, and what the cosine of a right angle gives there.
+        let naive = |x: f32, y: f32| (y * x.log2()).exp2();
+        assert!(naive(0.0, 0.0).is_nan());
+        assert_eq!(pow_poly(0.0, 0.0), 1.0);
+        // The weight of normals is made without a power.
+        for squarings in 0..=16 {
+            assert_eq!(svgf_normal_weight(Vec3::X, Vec3::Y, squarings), 0.0);
+            let w = svgf_weight(Vec3::X, Vec3::Y, Vec3::ZERO, 1.0, 0.0, 0.0, squarings);
+            assert_eq!(w, 0.0);
+        }
+    }
 }

@@ -936,4 +936,31 @@ mod tests {
         }
         assert_eq!(temporal_accumulate_unbiased(3.0, 1.0), 0.0);
     }
+
+    #[test]
+    fn trap_a_history_of_another_exposure() {
+        // The exposure falls to an eighth, and with it what the frames hold.
+        let k = 0.125;
+        let mut next = numbers(21);
+        let frames: Vec<f32> = (0..100).map(|_| 1.0 + next()).collect();
+        let (before, after) = frames.split_at(80);
+        let cap = 32.0;
+        let old = run(before.iter().copied(), cap);
+        let rescaled = TemporalAccumulateState {
+            mean: old.mean * k,
+            variance: old.variance * k * k,
+            ..old
+        };
+        let on = |start| {
+            after.iter().fold(start, |state, x| {
+                temporal_accumulate_step(state, x * k, cap)
+            })
+        };
+        // As if all had been taken at the new exposure.
+        assert_eq!(on(rescaled), run(frames.iter().map(|x| x * k), cap));
+        // As it is, half of the old brightness stays for 22 frames.
+        let (ghost, want) = (on(old).mean, on(rescaled).mean);
+        let left = (ghost - want) / (old.mean * (1.0 - k));
+        assert!(ghost > 4.0 * want && (left - 0.53).abs() < 0.01, "{left}");
+    }
 }

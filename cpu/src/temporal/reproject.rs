@@ -1946,4 +1946,304 @@ mod tests {
             assert!((curvature - 0.25).abs() < 1e-5, "{parallax}: {curvature}");
         }
     }
+
+    #[test]
+    fn every_exposure_changes_nothing_but_the_scale() {
+        let size = UVec2::new(9, 7);
+        let mut next = numbers(15);
+        let texels: Vec<ReprojectHistory<Vec3>> = every(size)
+            .map(|_| ReprojectHistory {
+                value: Vec3::new(next(), next(), next()),
+                length: (next() * 9.0).floor(),
+            })
+            .collect();
+        let scaled = |history: ReprojectHistory<Vec3>, k: f32| ReprojectHistory {
+            value: history.value * k,
+            ..history
+        };
+        for i in 0..500u32 {
+            let pixel = UVec2::new(i % 9, i / 9 % 7);
+            let gathered = |k: f32, motion: Vec2| {
+                let taps = reproject_footprint(pixel, size, motion);
+                reproject_gather(taps, |at| scaled(texels[(at.y * 9 + at.x) as usize], k))
+            };
+            let motions = [0, 1].map(|_| Vec2::new(next(), next()) * 2.0 - 1.0);
+            let plain = motions.map(|motion| gathered(1.0, motion));
+            let (share, deviation) = (next(), Vec3::new(next(), 0.0, next()));
+            let blended = reproject_blend(plain[0], plain[1], share);
+            let [a, b] = plain.map(|history| history.value);
+            let distance = reproject_color_distance(a, b, deviation);
+            for power in -10..=10 {
+                let k = 2f32.powi(power);
+                let bright = motions.map(|motion| gathered(k, motion));
+                assert_eq!(bright, plain.map(|history| scaled(history, k)));
+                let blend = reproject_blend(bright[0], bright[1], share);
+                assert_eq!(blend, scaled(blended, k));
+                let other = reproject_color_distance(a * k, b * k, deviation * k);
+                assert_eq!(other, distance);
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_and_transposed_images_give_mirrored_histories() {
+        let size = UVec2::splat(12);
+        type Flip = (fn(UVec2) -> UVec2, fn(Vec2) -> Vec2);
+        let flips: [Flip; 3] = [
+            (|p| UVec2::new(11 - p.x, p.y), |m| Vec2::new(-m.x, m.y)),
+            (|p| UVec2::new(p.x, 11 - p.y), |m| Vec2::new(m.x, -m.y)),
+            (|p| UVec2::new(p.y, p.x), |m| Vec2::new(m.y, m.x)),
+        ];
+        let mut next = numbers(16);
+        let surfaces: Vec<ReprojectSurface> = every(size)
+            .map(|_| ReprojectSurface {
+                position: Vec3::Z * if next() < 0.2 { 1.0 } else { 0.0 },
+                depth: if next() < 0.1 { 0.0 } else { 1.0 },
+                normal: if next() < 0.2 { Vec3::X } else { Vec3::Z },
+                mesh: u32::from(next() < 0.5),
+            })
+            .collect();
+        let histories: Vec<ReprojectHistory<Vec3>> = every(size)
+            .map(|_| ReprojectHistory {
+                value: Vec3::new(next(), next(), next()),
+                length: (next() * 9.0).floor(),
+            })
+            .collect();
+        let index = |at: UVec2| (at.y * 12 + at.x) as usize;
+        let expected = flat(UVec2::ZERO);
+        let (mut found, mut none) = (0, 0);
+        for (flip, turn) in flips {
+            for i in 0..144 * 40u32 {
+                let pixel = UVec2::new(i % 12, i / 12 % 12);
+                // In eighths, so that weights and their sums are exact.
+                let motion = ((Vec2::new(next(), next()) * 6.0 - 3.0) * 8.0).round() / 8.0;
+                let pixel_of = |pixel, motion, source: &dyn Fn(UVec2) -> UVec2| {
+                    reproject_pixel(
+                        pixel,
+                        size,
+                        motion,
+                        expected,
+                        0.0,
+                        REPROJECT_TOLERANCE,
+                        |at| surfaces[index(source(at))],
+                        |at| histories[index(source(at))],
+                    )
+                };
+                let a = pixel_of(pixel, motion, &|at| at);
+                let b = pixel_of(flip(pixel), turn(motion), &flip);
+                // Nine terms added in another order, twice, and a quotient.
+                let close = |a: f32, b: f32| (a - b).abs() <= 20.0 * f32::EPSILON * a.max(b);
+                assert!(close(a.length, b.length), "{pixel} {motion}");
+                for channel in 0..3 {
+                    assert!(
+                        close(a.value[channel], b.value[channel]),
+                        "{pixel} {motion}"
+                    );
+                }
+                found += u32::from(a.length > 0.0);
+                none += u32::from(a.length == 0.0);
+            }
+        }
+        assert!(found > 1000 && none > 1000, "{found} {none}");
+    }
+
+    #[test]
+    fn the_weights_of_a_history_sum_to_one() {
+        // No constant shows it, as results are held between their inputs.
+        let size = UVec2::new(9, 7);
+        let mut next = numbers(17);
+        let values: Vec<f32> = every(size).map(|_| next()).collect();
+        let lengths: Vec<f32> = every(size).map(|_| (next() * 9.0).floor()).collect();
+        for i in 0..5000u32 {
+            let pixel = UVec2::new(i % 9, i / 9 % 7);
+            let motion = Vec2::new(next(), next()) * 4.0 - 2.0;
+            for footprint in [reproject_footprint, reproject_footprint_wide] {
+                let line = |scale: f32, more: f32| {
+                    reproject_gather(footprint(pixel, size, motion), |at| {
+                        let index = (at.y * 9 + at.x) as usize;
+                        ReprojectHistory {
+                            value: values[index] * scale + more,
+                            length: lengths[index],
+                        }
+                    })
+                };
+                let (plain, other) = (line(1.0, 0.0), line(2.0, 3.0));
+                if plain.length > 0.0 {
+                    // Two sums of nine and a quotient: 20 roundings, of values
+                    // below 1 (twice) and below 8, with what is added.
+                    let apart = (other.value - (plain.value * 2.0 + 3.0)).abs();
+                    assert!(apart < 21.0 * (2f32.powi(-23) + 2f32.powi(-21)), "{apart}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn trap_texels_outside_that_count_as_black() {
+        let size = UVec2::splat(8);
+        let mut darkened = 0;
+        for i in 0..64 * 33u32 {
+            let pixel = UVec2::new(i % 8, i / 8 % 8);
+            let step = 0.125 * (i / 64) as f32;
+            let motion = Vec2::new(step - 2.0, 2.0 - step);
+            let ours = reproject_pixel(
+                pixel,
+                size,
+                motion,
+                flat(pixel),
+                0.0,
+                REPROJECT_TOLERANCE,
+                flat,
+                |at| {
+                    assert!(at.cmplt(size).all(), "{at}");
+                    ReprojectHistory {
+                        value: 1.0,
+                        length: 7.0,
+                    }
+                },
+            );
+            // Inside by its nearest texel alone; the others are read as they
+            // come, and what lies outside comes as zero.
+            let place = pixel.as_vec2() + motion;
+            let inside = |p: Vec2| p.cmpge(Vec2::ZERO).all() && p.cmplt(size.as_vec2()).all();
+            if !inside((place + 0.5).floor()) {
+                continue;
+            }
+            assert_eq!((ours.value, ours.length), (1.0, 7.0), "{pixel} {motion}");
+            let (base, part) = (place.floor(), place - place.floor());
+            let mut naive = 0.0;
+            for tap in [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE] {
+                let weight = (1.0 - (tap - part).abs()).element_product();
+                naive += weight * f32::from(u8::from(inside(base + tap)));
+            }
+            darkened += u32::from(naive < 1.0);
+        }
+        assert!(darkened > 100, "{darkened}");
+    }
+
+    #[test]
+    fn trap_one_place_for_the_depths_of_four_texels() {
+        // A floor in a small image, its depths from row to row far apart.
+        let size = UVec2::new(32, 18);
+        let camera = Camera {
+            inverse_resolution: 1.0 / size.as_vec2(),
+            ..camera(Vec3::new(0.0, 1.5, 0.0), Vec3::new(3.0, 0.5, 1.0))
+        };
+        let depth = |place: Vec2| {
+            let one = camera_position_from_depth(place, 1.0, camera);
+            1.5 / (1.5 - one.y)
+        };
+        let floor = |place: Vec2, depth: f32| ReprojectSurface {
+            position: camera_position_from_depth(place, depth, camera),
+            depth,
+            normal: Vec3::Y,
+            mesh: 0,
+        };
+        let motion = Vec2::new(0.25, -0.5);
+        let (mut ours, mut naive) = (0, 0);
+        for pixel in every(size).filter(|p| (8..17).contains(&p.y) && p.x < 31) {
+            let place = middle(pixel) + motion;
+            let expected = floor(place, depth(place));
+            let find = |at_own_place: bool| {
+                let read = |at: UVec2| {
+                    let own = if at_own_place { middle(at) } else { place };
+                    floor(own, depth(middle(at)))
+                };
+                let taps = reproject_footprint(pixel, size, motion);
+                reproject_tested(taps, expected, 0.0, REPROJECT_TOLERANCE, &read)
+            };
+            assert_eq!(listed(find(true)).len(), 4, "{pixel}");
+            ours += 4;
+            naive += listed(find(false)).len();
+        }
+        println!("on the floor: {ours} texels, {naive} by one place for all");
+        assert!(2 * naive < ours);
+    }
+
+    #[test]
+    fn trap_an_absolute_threshold_of_the_plane() {
+        let mut next = numbers(18);
+        let mut changed = 0;
+        let mut passed = 0;
+        for _ in 0..2000 {
+            let here = ReprojectSurface {
+                depth: 2.0,
+                ..flat(UVec2::ZERO)
+            };
+            let found = ReprojectSurface {
+                position: Vec3::new(next(), next(), 0.1 * next() - 0.05),
+                ..here
+            };
+            let at = |k: f32| {
+                let scaled = |surface: ReprojectSurface| ReprojectSurface {
+                    position: surface.position * k,
+                    depth: surface.depth * k,
+                    ..surface
+                };
+                let (here, found) = (scaled(here), scaled(found));
+                let height = here.normal.dot(found.position - here.position);
+                (
+                    reproject_matches(here, 0.0, found, REPROJECT_TOLERANCE),
+                    u32::from(height.abs() < 5.0),
+                )
+            };
+            let (ours, absolute) = at(1.0);
+            for k in [0.001, 1000.0] {
+                assert_eq!(at(k).0, ours);
+                changed += u32::from(at(k).1 != absolute);
+            }
+            passed += ours;
+        }
+        assert!((500..1500).contains(&passed), "{passed}");
+        assert!(changed > 1000, "{changed}");
+    }
+
+    #[test]
+    fn trap_a_normal_test_that_never_rejects() {
+        let here = flat(UVec2::ZERO);
+        // The distance of the normals over their change from pixel to pixel.
+        let naive =
+            |other: Vec3, change: f32| (other - here.normal).length() / (change + 0.01) < 16.0;
+        let ours = |other: Vec3, curvature: f32| {
+            let found = ReprojectSurface {
+                normal: other,
+                position: here.position + Vec3::X * 1e-3,
+                ..here
+            };
+            reproject_matches(here, curvature, found, REPROJECT_TOLERANCE) == 1
+        };
+        // Where they change by an eighth, as on a ball far away, even the back
+        // counts.
+        assert!(naive(-Vec3::Z, 0.12) && naive(Vec3::X, 0.12));
+        for curvature in [0.0, 0.125, 1.0, 100.0] {
+            for other in [-Vec3::Z, Vec3::X, Vec3::new(0.8, 0.0, 0.6)] {
+                assert!(!ours(other, curvature), "{other}, {curvature}");
+            }
+            assert!(ours(Vec3::Z, curvature));
+        }
+    }
+
+    #[test]
+    fn trap_neither_of_two_histories() {
+        // Weights over their sum, both of them 0 that far from the frame.
+        let weight = |distance: f32| exp2_poly(-10.0 * distance);
+        assert!((weight(96.0) / (weight(96.0) + weight(96.0))).is_nan());
+        let none = reproject_gather(REPROJECT_NO_TAPS, |_| ReprojectHistory {
+            value: f32::NAN,
+            length: 9.0,
+        });
+        assert_eq!((none.value, none.length), (0.0, 0.0));
+        let other = ReprojectHistory {
+            value: 5.0,
+            length: 0.0,
+        };
+        for (a, b) in [(0.0, 0.0), (1.0, 96.0), (96.0, 96.0), (1e30, 1e30)] {
+            let share = reproject_share(a, b);
+            assert!((0.0..=1.0).contains(&share));
+            assert_eq!(reproject_blend(none, none, share), none);
+            // Never a mixture, nor a length.
+            let blend = reproject_blend(none, other, share);
+            assert!(blend == none || blend == other, "{blend:?}");
+        }
+    }
 }

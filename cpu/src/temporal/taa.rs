@@ -435,4 +435,50 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn every_exposure_changes_nothing_but_the_scale() {
+        for at in pixels() {
+            let plain = taa_pixel(at, SIZE, history(at), 0.1, 1.0, color);
+            for power in -10..=10 {
+                let k = 2f32.powi(power);
+                let bright = taa_pixel(at, SIZE, history(at) * k, 0.1, 1.0 / k, |p| color(p) * k);
+                assert_eq!(plain * k, bright, "{at}, {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_and_transposed_images_give_mirrored_results() {
+        let size = UVec2::splat(16);
+        let flips: [fn(UVec2) -> UVec2; 3] = [
+            |p| UVec2::new(15 - p.x, p.y),
+            |p| UVec2::new(p.x, 15 - p.y),
+            |p| UVec2::new(p.y, p.x),
+        ];
+        for flip in flips {
+            for at in (0..256).map(|i| UVec2::new(i % 16, i / 16)) {
+                let plain = taa_pixel(flip(at), size, history(at), 0.1, 1.0, color);
+                let other = taa_pixel(at, size, history(at), 0.1, 1.0, |p| color(flip(p)));
+                assert_eq!(plain, other, "{at}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_weights_of_a_blend_sum_to_one() {
+        // No constant shows it, as results are held between their inputs.
+        for at in pixels() {
+            let (old, new, alpha) = (color(at), color(at + 100), noise(at, 6));
+            let plain = taa_blend(old, new, alpha, 0.0);
+            let other = taa_blend(old * 2.0 + 3.0, new * 2.0 + 3.0, alpha, 0.0);
+            // Five roundings, of values below 1 (twice) and below 8, with what
+            // is added.
+            let apart = (other - (plain * 2.0 + 3.0)).abs().max_element();
+            assert!(
+                apart < 6.0 * (2f32.powi(-23) + 2f32.powi(-21)),
+                "{at}: {apart}"
+            );
+        }
+    }
 }
