@@ -1,19 +1,23 @@
-//! Scenes whose filtered picture is known in closed form, through the whole
-//! chain: reprojection, accumulation, clamp, SVGF.
+//! Scenes whose filtered picture is known in closed form, through parts of the
+//! chain and through the whole of it: reprojection, clamp, accumulation, SVGF
+//! with its feedback. And what a bad sample leaves behind there.
 
 use glam::{UVec2, Vec2, Vec3};
-use raytwin::filter::svgf::{SvgfSettings, SvgfSurface};
+use raytwin::filter::svgf::{SvgfScalar, SvgfSettings, SvgfSurface, svgf_variance_scalar_pixel};
 use raytwin::pass::svgf::SvgfPass;
 use raytwin::random::halton::halton_radical_inverse;
 use raytwin::random::pcg::{pcg_next, pcg_unit};
 use raytwin::temporal::accumulate::{
-    TEMPORAL_ACCUMULATE_EMPTY, TemporalAccumulateState, temporal_accumulate_step,
+    TEMPORAL_ACCUMULATE_EMPTY, TEMPORAL_ACCUMULATE_RGB_EMPTY, TemporalAccumulateRgbState,
+    TemporalAccumulateState, temporal_accumulate_mean, temporal_accumulate_rgb_step,
+    temporal_accumulate_step,
 };
 use raytwin::temporal::reproject::{
     REPROJECT_TOLERANCE, ReprojectHistory, ReprojectSurface, ReprojectTaps, reproject_find,
     reproject_footprint, reproject_gather,
 };
-use raytwin::temporal::variance_clamp::variance_clamp_pixel;
+use raytwin::temporal::taa::taa_pixel;
+use raytwin::temporal::variance_clamp::{VARIANCE_CLAMP_RGB, variance_clamp_pixel};
 
 fn numbers(seed: u32) -> impl FnMut() -> f32 {
     let mut state = seed;
@@ -37,6 +41,8 @@ struct Film {
     size: UVec2,
     states: Vec<TemporalAccumulateState>,
     surfaces: Vec<ReprojectSurface>,
+    /// Deviations to which the new frame holds the history.
+    gamma: Option<f32>,
 }
 
 impl Film {
@@ -45,6 +51,7 @@ impl Film {
             size,
             states: vec![TEMPORAL_ACCUMULATE_EMPTY; size.element_product() as usize],
             surfaces: Vec::new(),
+            gamma: None,
         }
     }
 
@@ -79,8 +86,13 @@ impl Film {
                     length: s.history,
                 }
             });
+            let read = |p| Vec3::splat(sample(p));
+            let held = self.gamma.map(|gamma| {
+                let mean = Vec3::splat(known.value.x);
+                variance_clamp_pixel(at, size, 2, mean, gamma, VARIANCE_CLAMP_RGB, read).x
+            });
             let state = TemporalAccumulateState {
-                mean: known.value.x,
+                mean: held.unwrap_or(known.value.x),
                 variance: known.value.y,
                 history: known.length,
             };
@@ -390,6 +402,225 @@ fn planes_of_one_colour_keep_their_noise_apart() {
                 assert_eq!(variance, 0.0, "{at}, {passes} passes");
                 assert!((value - 0.7).abs() < 2.0 * f32::EPSILON, "{at}: {value}");
             }
+        }
+    }
+}
+
+/// A strip, and the pixel of it that goes bad in frame [`BAD_FRAME`].
+const STRIP: UVec2 = UVec2::new(400, 16);
+const SPOT: UVec2 = UVec2::new(50, 8);
+const BAD_FRAME: u32 = 3;
+
+/// What a frame leaves of a pixel: value and variance filtered, mean and length
+/// of the history.
+type Left = [f32; 4];
+
+/// Frames of noise through the whole chain: history found again, held to the
+/// new frame, sample taken in, variance, all passes, the first of them fed back.
+/// `spoil` may change the history and the samples before each frame.
+fn chain(
+    settings: SvgfSettings,
+    moving: bool,
+    frames: u32,
+    spoil: impl Fn(u32, &mut Film, &mut [f32]),
+) -> Vec<Vec<Left>> {
+    let size = STRIP;
+    let mut film = Film::new(size);
+    film.gamma = Some(1.0);
+    let mut pass = SvgfPass::<1>::new(size, settings);
+    pass.set_surfaces(wall);
+    // To and fro by parts of a pixel: each history is a mean of four.
+    let away = |frame: u32| Vec2::new(0.5, 0.25) * (frame % 2 * u32::from(moving)) as f32;
+    (0..frames)
+        .map(|frame| {
+            let mut next = numbers(100 + frame);
+            let mut samples: Vec<f32> = every(size).map(|_| next()).collect();
+            spoil(frame, &mut film, &mut samples);
+            let (here, before) = (away(frame), away(frame.saturating_sub(1)));
+            let surface = |at: UVec2| {
+                let p = at.as_vec2() + here;
+                let s = plane(p.x, p.y, 0.0, 0);
+                (s, s, here - before)
+            };
+            film.step(1.0 / settings.alpha, true, surface, |at| {
+                samples[index(at, size)]
+            });
+            let read = |at: UVec2| {
+                let s = film.states[index(at, size)];
+                let (value, variance) = (s.mean, s.variance);
+                SvgfScalar { value, variance }
+            };
+            pass.set_image(|at| {
+                let length = film.states[index(at, size)].history;
+                let variance = svgf_variance_scalar_pixel(at, size, length, settings, wall, read);
+                ([read(at).value], variance)
+            });
+            let mut means = Vec::new();
+            pass.filter(|image| {
+                for y in 0..size.y {
+                    means.extend_from_slice(&image.row(y, 0)[..size.x as usize]);
+                }
+            });
+            for (state, mean) in film.states.iter_mut().zip(means) {
+                state.mean = mean;
+            }
+            let left = |at| {
+                let ([value], variance) = pass.at(at);
+                let state = film.states[index(at, size)];
+                [value, variance, state.mean, state.history]
+            };
+            every(size).map(left).collect()
+        })
+        .collect()
+}
+
+fn same(a: &Left, b: &Left) -> bool {
+    a.map(f32::to_bits) == b.map(f32::to_bits)
+}
+
+/// One sample of one frame is no number: nothing is ever NaN or infinite, the
+/// damage is that of a sample that is missing, it grows as far as the filter
+/// and its feedback reach, and fades as the history forgets.
+#[test]
+fn a_bad_sample_is_a_missing_one_and_is_forgotten() {
+    const FRAMES: u32 = 160;
+    // With luminance that stops nothing the filter is a weighted mean with
+    // weights of its own, and the chain can be followed; then as in use.
+    for (sigma_luminance, moving) in [(1e15, false), (1e15, true), (4.0, false), (4.0, true)] {
+        let settings = SvgfSettings {
+            sigma_luminance,
+            ..SvgfSettings::PAPER
+        };
+        let spoiled = |bad: f32, frames| {
+            chain(settings, moving, frames, |frame, _, samples| {
+                if frame == BAD_FRAME {
+                    samples[index(SPOT, STRIP)] = bad;
+                }
+            })
+        };
+        let sound = chain(settings, moving, FRAMES, |_, _, _| {});
+        let broken = spoiled(f32::NAN, FRAMES);
+        for other in [f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30] {
+            for (a, b) in spoiled(other, 24).iter().zip(&broken) {
+                assert!(a.iter().zip(b).all(|(a, b)| same(a, b)), "{other}");
+            }
+        }
+        let (mut before, mut last, mut beyond) = (0.0f32, 0, 0);
+        for (frame, (a, b)) in (0..).zip(broken.iter().zip(&sound)) {
+            // The clamp's neighbours (2), the variance's (3), all passes (62);
+            // then each frame the pass that is fed back (2), and if the image
+            // moves four texels (1) and the variance at its young rim (3).
+            let after = u32::saturating_sub(frame, BAD_FRAME);
+            let reach = 2 + 3 + 62 + after * if moving { 6 } else { 2 };
+            let (mut apart, mut farthest) = (0.0f32, None);
+            for ((at, a), b) in every(STRIP).zip(a).zip(b) {
+                let far = at.x.abs_diff(SPOT.x).max(at.y.abs_diff(SPOT.y));
+                assert!(a.iter().all(|x| x.is_finite()), "{frame}, {at}: {a:?}");
+                apart = apart.max((a[2] - b[2]).abs());
+                if !same(a, b) {
+                    farthest = farthest.max(Some(far));
+                    last = frame;
+                }
+            }
+            beyond += u32::from(reach + SPOT.x < STRIP.x);
+            assert!(
+                farthest <= Some(reach),
+                "{frame}: {farthest:?}, not {reach}"
+            );
+            match frame.cmp(&BAD_FRAME) {
+                std::cmp::Ordering::Less => assert_eq!(farthest, None),
+                std::cmp::Ordering::Equal => assert!(farthest >= Some(2) && apart > 1e-3),
+                std::cmp::Ordering::Greater => {}
+            }
+            // From frame 5 on every history is as long as in the sound run, and
+            // a frame leaves 1 - alpha of the difference, but for roundings.
+            if sigma_luminance > 1e3 && frame > 5 {
+                let most = (1.0 - settings.alpha) * before + 32.0 * f32::EPSILON;
+                assert!(apart <= most, "{frame}: {apart:e} after {before:e}");
+            }
+            // 0.8^35 of a thousandth, and what roundings add: 1 / alpha times.
+            // With weights by luminance that is no proof; it holds all the same.
+            assert!(frame < 40 || apart < 2e-5, "{frame}: {apart:e}");
+            if [3, 5, 10, 20, 40, 80].contains(&frame) {
+                println!(
+                    "{sigma_luminance}, {moving}, {frame}: {apart:e}, {farthest:?} of {reach}"
+                );
+            }
+            before = apart;
+        }
+        println!("{sigma_luminance}, {moving}: the last difference in frame {last}");
+        assert!(beyond > 40, "{beyond} frames with pixels beyond");
+        // Two ways that weights do not tell apart meet. Where weights follow the
+        // values, an ULP of one wanders on through the feedback.
+        if sigma_luminance > 1e3 {
+            assert!(last < FRAMES / 2, "still there in frame {last}");
+        } else {
+            assert!(before < 4.0 * f32::EPSILON, "{before:e} in the end");
+        }
+    }
+}
+
+/// A history that is no number is none: the sample replaces it, and with
+/// alpha = 1 nothing of any history is left.
+#[test]
+fn a_nan_in_the_history_does_not_survive_alpha_1() {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+        assert_eq!(temporal_accumulate_mean(bad, 0.25, 1.0), 0.25);
+        for lane in 0..3 {
+            let mut numbers = [0.5, 0.5, 4.0];
+            numbers[lane] = bad;
+            let [mean, variance, history] = numbers;
+            let state = TemporalAccumulateState {
+                mean,
+                variance,
+                history,
+            };
+            let after = temporal_accumulate_step(state, 0.25, 1.0);
+            assert_eq!(
+                (after.mean, after.variance, after.history),
+                (0.25, 0.0, 1.0)
+            );
+        }
+        let state = TemporalAccumulateRgbState {
+            color: Vec3::new(0.5, bad, 0.5),
+            history: 4.0,
+            ..TEMPORAL_ACCUMULATE_RGB_EMPTY
+        };
+        let sample = Vec3::new(0.1, 0.2, 0.3);
+        assert_eq!(
+            temporal_accumulate_rgb_step(state, sample, 1.0, 1.0).color,
+            sample
+        );
+        let read = |_| sample;
+        let taa = taa_pixel(
+            UVec2::ONE,
+            UVec2::splat(3),
+            Vec3::splat(bad),
+            1.0,
+            1.0,
+            read,
+        );
+        assert!((taa - sample).abs().max_element() < 1e-6, "{taa}");
+
+        // In the chain, of a history of one frame: the next one is as without.
+        let run = |alpha: f32, bad: Option<f32>| {
+            let settings = SvgfSettings {
+                alpha,
+                ..SvgfSettings::PAPER
+            };
+            chain(settings, true, 8, |frame, film, _| {
+                if let (BAD_FRAME, Some(bad)) = (frame, bad) {
+                    let state = &mut film.states[index(SPOT, STRIP)];
+                    (state.mean, state.variance) = (bad, bad);
+                }
+            })
+        };
+        let (with, without) = (run(1.0, Some(bad)), run(1.0, None));
+        for (a, b) in with.iter().zip(&without) {
+            assert!(a.iter().zip(b).all(|(a, b)| same(a, b)), "{bad}");
+        }
+        for frame in run(SvgfSettings::PAPER.alpha, Some(bad)) {
+            assert!(frame.iter().flatten().all(|x| x.is_finite()), "{bad}");
         }
     }
 }

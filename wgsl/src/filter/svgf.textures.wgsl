@@ -52,9 +52,17 @@ fn svgf_read_history(at: vec2u) -> f32 {
     return textureLoad(svgf_histories, at, 0).x;
 }
 
+// What is no data stays so: held to the largest number, the next pass would take
+// it for one.
 fn svgf_write_color(at: vec2u, result: vec4f) {
     let largest = vec4f(SVGF_TARGET_MAX);
-    textureStore(svgf_new_colors, at, min(max(result, -largest), largest));
+    var held = min(max(result, -largest), largest);
+    if svgf_color_bits(result.xyz) >= SVGF_VALUE_BITS {
+        // An infinity, of bits that no compiler knows.
+        let sign = bitcast<u32>(result.x) & 0x80000000u;
+        held.x = bitcast<f32>(sign | 0x7f800000u);
+    }
+    textureStore(svgf_new_colors, at, held);
 }
 
 fn svgf_write_scalar(at: vec2u, result: vec2f) {
