@@ -9,6 +9,7 @@ use raytwin::temporal::accumulate::{
     TEMPORAL_ACCUMULATE_EMPTY, TEMPORAL_ACCUMULATE_RGB_EMPTY, TemporalAccumulateState,
     temporal_accumulate_rgb_step, temporal_accumulate_step,
 };
+use raytwin::temporal::reproject::{ReprojectSurface, ReprojectTolerance};
 use raytwin::temporal::variance_clamp::variance_clamp_pixel;
 use raytwin_tests::derive::program;
 use raytwin_tests::gpu::{self, Build, Program};
@@ -221,6 +222,188 @@ fn the_variance_clamp_keeps_a_constant_on_any_implementation() {
                     );
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn a_bad_surface_matches_nothing_on_any_adapter() {
+    let wall = ReprojectSurface {
+        position: Vec3::new(1.0, 2.0, 0.0),
+        depth: 4.0,
+        normal: Vec3::Z,
+        mesh: 0,
+    };
+    let (mut input, mut want) = (Vec::new(), Vec::new());
+    let mut add = |expected: Vec<u32>, found: Vec<u32>, same: u32| {
+        input.extend(expected);
+        input.extend(words(0.0f32));
+        input.extend(found);
+        input.extend(words(ReprojectTolerance {
+            plane: 1e9,
+            normal: 2.0,
+        }));
+        want.push(same);
+    };
+    add(words(wall), words(wall), 1);
+    for (bad, lane) in BAD.into_iter().flat_map(|b| (0..7).map(move |l| (b, l))) {
+        let mut broken = words(wall);
+        broken[lane] = bad.to_bits();
+        add(words(wall), broken.clone(), 0);
+        add(broken.clone(), words(wall), 0);
+        add(broken.clone(), broken, 0);
+    }
+    let kernel = kernel("reproject_matches");
+    assert_eq!(run_cpu(&kernel, &input), want);
+    for gpu in gpu::adapters().expect("an adapter") {
+        let program = Program::new(gpu, &kernel, Build::Plain).expect("valid WGSL");
+        assert_eq!(program.run(&input), want, "{}", gpu.label());
+    }
+}
+
+/// One pixel in 9 x 9 is broken, each in another way.
+const WALL: UVec2 = UVec2::new(9 * BAD.len() as u32, 9 * 7);
+
+/// A wall out of the test's buffer: place, reach (or depth, or weight), normal,
+/// colour of each pixel.
+macro_rules! wall {
+    ($callbacks:literal) => {
+        concat!(
+            "
+fn test_number(at: vec2u, i: u32) -> f32 {
+    return bitcast<f32>(raytwin_fixture[10u * (at.y * 54u + at.x) + i]);
+}
+fn test_vector(at: vec2u, i: u32) -> vec3f {
+    return vec3f(test_number(at, i), test_number(at, i + 1u), test_number(at, i + 2u));
+}
+",
+            $callbacks
+        )
+    };
+}
+
+const BLUR: &str = wall!(
+    "
+fn separable_blur_read(at: vec2u) -> SeparableBlurPixel {
+    return SeparableBlurPixel(
+        test_vector(at, 0u), test_number(at, 3u), test_vector(at, 4u), test_number(at, 7u),
+    );
+}
+"
+);
+const VARIANCE: &str = wall!(
+    "
+fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel {
+    return BilateralVariancePixel(
+        test_vector(at, 7u), 1.0, test_vector(at, 0u), test_number(at, 3u), test_vector(at, 4u),
+    );
+}
+"
+);
+const UPSAMPLE: &str = wall!(
+    "
+fn bilateral_upsample_read_surface(at: vec2u) -> BilateralUpsampleSurface {
+    let low = vec2u(at.x / 2u, at.y / 2u);
+    return BilateralUpsampleSurface(
+        test_vector(low, 0u), test_number(low, 3u), test_vector(low, 4u),
+    );
+}
+fn bilateral_upsample_read_tap(at: vec2u) -> BilateralUpsampleTap {
+    return BilateralUpsampleTap(
+        test_vector(at, 7u), test_number(at, 3u), test_vector(at, 0u), test_vector(at, 4u),
+    );
+}
+"
+);
+const REPROJECT: &str = wall!(
+    "
+alias ReprojectValue = vec3f;
+fn reproject_read_surface(at: vec2u) -> ReprojectSurface {
+    return ReprojectSurface(
+        test_vector(at, 0u), test_number(at, 3u), test_vector(at, 4u), 0u,
+    );
+}
+fn reproject_read_prior(at: vec2u) -> ReprojectSurface {
+    return reproject_read_surface(at);
+}
+fn reproject_read_history(at: vec2u) -> ReprojectHistory {
+    return ReprojectHistory(test_vector(at, 7u), 1.0);
+}
+"
+);
+
+/// Bit for bit what the same adapter makes of the wall with no surface there.
+#[test]
+fn a_bad_surface_is_none_on_any_adapter() {
+    let surface = |at: UVec2| ReprojectSurface {
+        position: Vec3::new(at.x as f32, at.y as f32, ((at.x + at.y) % 3) as f32 * 0.25),
+        depth: 1.0,
+        normal: Vec3::Z,
+        mesh: 0,
+    };
+    let pixels = || (0..WALL.x * WALL.y).map(|i| UVec2::new(i % WALL.x, i / WALL.x));
+    // Sound, without the broken pixels' surfaces, with these broken.
+    let wall = |kind: u32| -> Vec<u32> {
+        let pixel = |at: UVec2| {
+            let mut out = words(surface(at));
+            out.pop();
+            if kind > 0 && at % 9 == UVec2::splat(4) {
+                let place = at / 9;
+                out[3] = if kind == 1 { 0 } else { out[3] };
+                if kind == 2 {
+                    out[place.y as usize] = BAD[place.x as usize].to_bits();
+                }
+            }
+            let level = ((at.x * 5 + at.y * 3) % 7) as f32 * 0.125;
+            out.extend(words(Vec3::new(0.25 + level, 1.0, 2.0 - level)));
+            out
+        };
+        pixels().flat_map(pixel).collect()
+    };
+    type Arguments<'a> = Vec<(&'a str, &'static str, &'a dyn Fn(UVec2) -> Vec<u32>)>;
+    let reprojected = |at: UVec2| {
+        let motion = [0.25f32, -0.5];
+        let limits = [0.0f32, 1.0, 0.5];
+        [
+            words([at, WALL]),
+            words(motion),
+            words(surface(at)),
+            words(limits),
+        ]
+        .concat()
+    };
+    let kernels: Arguments<'_> = vec![
+        ("separable_blur_pixel", BLUR, &|at| {
+            [words([at, WALL]), vec![at.x & 1, 3]].concat()
+        }),
+        ("bilateral_variance_pixel", VARIANCE, &|at| {
+            [words([at, WALL]), words(3.5f32), vec![9], words(0.3f32)].concat()
+        }),
+        ("bilateral_upsample_pixel", UPSAMPLE, &|at| {
+            [words([2 * at + (at & 1), WALL]), vec![2]].concat()
+        }),
+        ("reproject_pixel", REPROJECT, &reprojected),
+        ("reproject_bend", REPROJECT, &|at| {
+            [words([at, WALL]), words([1.0f32, 0.5])].concat()
+        }),
+    ];
+    for (name, wgsl, arguments) in kernels {
+        let input: Vec<u32> = pixels().flat_map(arguments).collect();
+        for gpu in gpu::adapters().expect("an adapter") {
+            let [sound, without, broken] = [0, 1, 2].map(|kind| {
+                let mut kernel = kernel(name);
+                kernel.fixture = Some(Fixture {
+                    wgsl,
+                    words: Arc::new(wall(kind)),
+                });
+                let program = Program::new(gpu, &kernel, Build::Plain).expect("valid WGSL");
+                program.run(&input)
+            });
+            assert!(sound != without, "{}: {name} reads no surface", gpu.label());
+            let each = without.len() / (WALL.x * WALL.y) as usize;
+            let other = without.iter().zip(&broken).position(|(a, b)| a != b);
+            let at = other.and_then(|i| pixels().nth(i / each));
+            assert_eq!(at, None, "{}: {name}", gpu.label());
         }
     }
 }

@@ -21,6 +21,12 @@ pub const BILATERAL_UPSAMPLE_NORMAL: f32 = 64.0;
 /// Largest value of a channel; larger ones count as this.
 pub const BILATERAL_UPSAMPLE_MAX: f32 = 1e8;
 
+/// Bits of 2^60, from where on a position, a reach or a weight is none.
+const BILATERAL_UPSAMPLE_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2, from where on a normal is none.
+const BILATERAL_UPSAMPLE_NORMAL_BITS: u32 = 0x4000_0000;
+
 /// log2 e.
 const LOG2_E: f32 = 1.442695;
 
@@ -204,6 +210,35 @@ pub fn bilateral_upsample_weight(
     exp2_poly(-LOG2_E * shape)
 }
 
+/// The largest component's bits, without its sign.
+#[inline(always)]
+fn bilateral_upsample_size(v: Vec3) -> u32 {
+    let x = v.x.to_bits() & 0x7fff_ffff;
+    let y = v.y.to_bits() & 0x7fff_ffff;
+    let z = v.z.to_bits() & 0x7fff_ffff;
+    x.max(y).max(z)
+}
+
+/// Whether there is a surface, and its numbers are ones.
+#[inline(always)]
+fn bilateral_upsample_surface_usable(surface: BilateralUpsampleSurface) -> bool {
+    let reach = surface.reach.to_bits();
+    bilateral_upsample_size(surface.position) < BILATERAL_UPSAMPLE_BITS
+        && bilateral_upsample_size(surface.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
+        && reach > 0
+        && reach < BILATERAL_UPSAMPLE_BITS
+}
+
+/// Whether a value has any weight, and a surface whose numbers are ones.
+#[inline(always)]
+fn bilateral_upsample_tap_usable(tap: BilateralUpsampleTap) -> bool {
+    let weight = tap.weight.to_bits();
+    bilateral_upsample_size(tap.position) < BILATERAL_UPSAMPLE_BITS
+        && bilateral_upsample_size(tap.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
+        && weight > 0
+        && weight < BILATERAL_UPSAMPLE_BITS
+}
+
 /// What has been summed up so far.
 #[derive(Clone, Copy)]
 struct BilateralUpsampleSum {
@@ -249,7 +284,9 @@ fn bilateral_upsample_add(
 ///
 /// The result lies between its inputs, channel by channel. Where no value fits
 /// it is the nearest one, whatever its weight. Values that are not finite or
-/// have a negative channel count nowhere; black if there are no others.
+/// have a negative channel count nowhere; black if there are no others. A
+/// surface or a weight with a number that is none (NaN, infinity, 2^60 and more,
+/// a normal of 2 and more) fits nowhere.
 ///
 /// Error analysis: sums of positive terms and one quotient, so the errors are
 /// those of the weights, twice. A small weight's relative error is that of its
@@ -297,6 +334,7 @@ where
     }
     let place = bilateral_upsample_place(pixel, scale);
     let surface = read_surface(pixel);
+    let sound = bilateral_upsample_surface_usable(surface);
     let nearest = UVec2::new(
         place.near.x.min(low_size.x - 1),
         place.near.y.min(low_size.y - 1),
@@ -326,6 +364,9 @@ where
             continue;
         }
         let tap = read_tap(at);
+        if !sound || !bilateral_upsample_tap_usable(tap) {
+            continue;
+        }
         let offset = Vec3::new(
             tap.position.x - surface.position.x,
             tap.position.y - surface.position.y,
@@ -572,6 +613,51 @@ mod tests {
                     });
                     assert_eq!(got, plain, "{bad} at {at}");
                 }
+            }
+        }
+    }
+
+    /// A low-resolution surface that is none reaches as far as a bad value; one
+    /// of full resolution only its own pixel, which takes the nearest value.
+    #[test]
+    fn a_bad_surface_fits_nowhere() {
+        let place = UVec2::new(7, 5);
+        let (low_size, scale) = (SIZE / 2, 2);
+        let read = |p: UVec2| floor(p.x as f32, p.y as f32);
+        let taps = |p: UVec2| noisy(p, scale);
+        let without = |p: UVec2| BilateralUpsampleTap {
+            weight: if p == place { 0.0 } else { 1.0 },
+            ..taps(p)
+        };
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30] {
+            for (at, lane) in pixels(SIZE).flat_map(|at| (0..7).map(move |lane| (at, lane))) {
+                let broken = |p: UVec2| {
+                    let mut tap = taps(p);
+                    match (p == place, lane) {
+                        (true, 0..=2) => tap.position[lane] = bad,
+                        (true, 3..=5) => tap.normal[lane - 3] = bad,
+                        (true, _) => tap.weight = bad,
+                        _ => {}
+                    }
+                    tap
+                };
+                let got = bilateral_upsample_pixel(at, low_size, scale, read, broken);
+                let want = bilateral_upsample_pixel(at, low_size, scale, read, without);
+                assert_eq!(got, want, "{bad}, lane {lane} at {at}");
+                let apart = (at.as_vec2() - middle(place, scale)).abs().max_element();
+                let plain = bilateral_upsample_pixel(at, low_size, scale, read, taps);
+                assert!(apart <= 1.5 || got == plain, "{bad}, lane {lane} at {at}");
+                let own = |p: UVec2| {
+                    let mut surface = read(p);
+                    match lane {
+                        0..=2 => surface.position[lane] = bad,
+                        3..=5 => surface.normal[lane - 3] = bad,
+                        _ => surface.reach = bad,
+                    }
+                    surface
+                };
+                let got = bilateral_upsample_pixel(at, low_size, scale, own, taps);
+                assert_eq!(got, taps(at / scale).color, "{bad}, lane {lane} at {at}");
             }
         }
     }

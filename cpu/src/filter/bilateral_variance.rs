@@ -33,6 +33,12 @@ const LOG2_E: f32 = 1.442695;
 /// Bits of 2^60, from where on a channel is none.
 const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d80_0000;
 
+/// Bits of 2^60, from where on a position, a reach is none.
+const BILATERAL_VARIANCE_SURFACE_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2, from where on a normal is none.
+const BILATERAL_VARIANCE_NORMAL_BITS: u32 = 0x4000_0000;
+
 /// Bits of 2^120, from where on a variance is none.
 const BILATERAL_VARIANCE_BITS: u32 = 0x7b80_0000;
 
@@ -117,6 +123,25 @@ pub fn bilateral_variance_usable(color: Vec3) -> u32 {
     u32::from((color.x.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
         & u32::from((color.y.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
         & u32::from((color.z.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
+}
+
+/// The largest component's bits, without its sign.
+#[inline(always)]
+fn bilateral_variance_size(v: Vec3) -> u32 {
+    let x = v.x.to_bits() & 0x7fff_ffff;
+    let y = v.y.to_bits() & 0x7fff_ffff;
+    let z = v.z.to_bits() & 0x7fff_ffff;
+    x.max(y).max(z)
+}
+
+/// Whether there is a surface, and its numbers are ones.
+#[inline(always)]
+fn bilateral_variance_surface_usable(pixel: BilateralVariancePixel) -> bool {
+    let reach = pixel.reach.to_bits();
+    bilateral_variance_size(pixel.position) < BILATERAL_VARIANCE_SURFACE_BITS
+        && bilateral_variance_size(pixel.normal) < BILATERAL_VARIANCE_NORMAL_BITS
+        && reach > 0
+        && reach < BILATERAL_VARIANCE_SURFACE_BITS
 }
 
 /// Weighted mean of two numbers `>= 0`, never outside them.
@@ -271,7 +296,8 @@ pub fn bilateral_variance_weight(
 ///
 /// A colour that is none ([`bilateral_variance_usable`]) weighs nothing and is
 /// filled from within `max_radius`, by geometry alone; black where nothing is
-/// there. A variance that is not finite counts as 0.
+/// there. A variance that is not finite counts as 0. A surface with a number
+/// that is none (NaN, infinity, 2^60 and more, a normal of 2 and more) is none.
 ///
 /// In WGSL `read` is a function that the program defines.
 ///
@@ -338,7 +364,10 @@ where
         radius = max_radius;
         sum = 0.0;
     }
-    let taps = bilateral_variance_taps(radius, max_taps);
+    let mut taps = bilateral_variance_taps(radius, max_taps);
+    if !bilateral_variance_surface_usable(centre) {
+        taps = 0;
+    }
     let mut i = 1;
     while i <= taps {
         let offset = bilateral_variance_offset(i, taps, radius, turn);
@@ -349,7 +378,7 @@ where
             continue;
         }
         let tap = read(UVec2::new(x as u32, y as u32));
-        if tap.reach <= 0.0 || bilateral_variance_usable(tap.color) == 0 {
+        if !bilateral_variance_surface_usable(tap) || bilateral_variance_usable(tap.color) == 0 {
             continue;
         }
         let to = tap.position - centre.position;
@@ -500,6 +529,49 @@ mod tests {
                 let want = f32::from(u8::from(at.x >= 16));
                 assert!((got - want).abs() < 1e-6, "{at}: {got}");
             });
+        }
+    }
+
+    /// A bad surface is none; a bad colour is filled, a bad variance counts as
+    /// 0. No pixel farther away than the radius changes.
+    #[test]
+    fn a_bad_pixel_weighs_nothing() {
+        let place = UVec2::new(13, 17);
+        let sound = |at: UVec2| flat(at, Vec3::splat(0.5 + noise(at, 7)), 1.0);
+        let filter = |at, turn, read: &dyn Fn(UVec2) -> BilateralVariancePixel| {
+            bilateral_variance_pixel(at, SIZE, 4.0, 16, turn, read)
+        };
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30] {
+            for lane in 0..11 {
+                let broken = |at: UVec2| {
+                    let mut pixel = sound(at);
+                    match (at == place, lane) {
+                        (true, 0..=2) => pixel.position[lane] = bad,
+                        (true, 3..=5) => pixel.normal[lane - 3] = bad,
+                        (true, 6) => pixel.reach = bad,
+                        (true, 7..=9) => pixel.color[lane - 7] = bad,
+                        (true, _) => pixel.variance = bad,
+                        _ => {}
+                    }
+                    pixel
+                };
+                let without = |at: UVec2| BilateralVariancePixel {
+                    reach: if at == place { 0.0 } else { 0.1 },
+                    ..sound(at)
+                };
+                everywhere(|at, turn| {
+                    let got = filter(at, turn, &broken);
+                    let case = format!("{bad}, lane {lane} at {at}: {got}");
+                    assert!(got.cmpge(Vec3::splat(0.5)).all(), "{case}");
+                    assert!(got.cmple(Vec3::splat(1.5)).all(), "{case}");
+                    let far = at.as_vec2().distance(place.as_vec2()) > 4.0 + 0.75;
+                    if far || (lane == 10 && at != place) {
+                        assert_eq!(got, filter(at, turn, &sound), "{case}");
+                    } else if lane < 7 || (lane < 10 && at != place) {
+                        assert_eq!(got, filter(at, turn, &without), "{case}");
+                    }
+                });
+            }
         }
     }
 

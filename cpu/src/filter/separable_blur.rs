@@ -25,6 +25,12 @@ pub const SEPARABLE_BLUR_NORMAL: f32 = 64.0;
 /// Largest value; larger ones count as this.
 pub const SEPARABLE_BLUR_MAX: f32 = 1e8;
 
+/// Bits of 2^60, from where on a position, a reach is none.
+const SEPARABLE_BLUR_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2, from where on a normal is none.
+const SEPARABLE_BLUR_NORMAL_BITS: u32 = 0x4000_0000;
+
 /// log2 e.
 const LOG2_E: f32 = 1.442695;
 
@@ -122,6 +128,25 @@ fn separable_blur_clean(value: f32) -> f32 {
     v.min(SEPARABLE_BLUR_MAX)
 }
 
+/// The largest component's bits, without its sign.
+#[inline(always)]
+fn separable_blur_size(v: Vec3) -> u32 {
+    let x = v.x.to_bits() & 0x7fff_ffff;
+    let y = v.y.to_bits() & 0x7fff_ffff;
+    let z = v.z.to_bits() & 0x7fff_ffff;
+    x.max(y).max(z)
+}
+
+/// Whether there is a surface, and its numbers are ones.
+#[inline(always)]
+fn separable_blur_usable(pixel: SeparableBlurPixel) -> bool {
+    let reach = pixel.reach.to_bits();
+    separable_blur_size(pixel.position) < SEPARABLE_BLUR_BITS
+        && separable_blur_size(pixel.normal) < SEPARABLE_BLUR_NORMAL_BITS
+        && reach > 0
+        && reach < SEPARABLE_BLUR_BITS
+}
+
 /// The weight of a tap, 0 if its value or its surface does not count.
 #[inline(always)]
 fn separable_blur_tap(
@@ -130,7 +155,7 @@ fn separable_blur_tap(
     distance: u32,
     radius: u32,
 ) -> f32 {
-    if separable_blur_clean(tap.value) < 0.0 || tap.reach <= 0.0 {
+    if separable_blur_clean(tap.value) < 0.0 || !separable_blur_usable(tap) {
         return 0.0;
     }
     let offset = Vec3::new(
@@ -157,7 +182,8 @@ fn separable_blur_tap(
 /// The result lies between its inputs. Pixels outside the image count nowhere,
 /// nor do values that are negative or not finite; if that is the centre, the
 /// others decide, or it becomes 0. Without a surface, and where no other pixel
-/// has any weight, the centre's value stays untouched.
+/// has any weight, the centre's value stays untouched. A surface with a number
+/// that is none (NaN, infinity, 2^60 and more, a normal of 2 and more) is none.
 ///
 /// The two sides are added pair by pair, so that a mirrored image gives the
 /// mirrored result to the last bit.
@@ -193,7 +219,7 @@ where
     }
     let centre = read(pixel);
     let own = separable_blur_clean(centre.value);
-    if centre.reach <= 0.0 {
+    if !separable_blur_usable(centre) {
         return own.max(0.0);
     }
     let mut sum = 0.0;
@@ -428,6 +454,41 @@ mod tests {
             });
             assert!(alone.is_finite());
         }
+    }
+
+    /// It is as if it had no surface: 0 pixels of damage, but for what it no
+    /// longer gives to its row and column.
+    #[test]
+    fn a_bad_surface_is_none() {
+        let place = UVec2::new(9, 9);
+        let plain = blurred(SIZE, 3, bumpy);
+        let without = blurred(SIZE, 3, |at| {
+            let mut pixel = bumpy(at);
+            pixel.reach = if at == place { 0.0 } else { pixel.reach };
+            pixel
+        });
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30] {
+            for lane in 0..7 {
+                let read = |at: UVec2| {
+                    let mut pixel = bumpy(at);
+                    match (at == place, lane) {
+                        (true, 0..=2) => pixel.position[lane] = bad,
+                        (true, 3..=5) => pixel.normal[lane - 3] = bad,
+                        (true, _) => pixel.reach = bad,
+                        _ => {}
+                    }
+                    pixel
+                };
+                for (i, value) in blurred(SIZE, 3, read).into_iter().enumerate() {
+                    let at = UVec2::new(i as u32 % SIZE.x, i as u32 / SIZE.x);
+                    assert_eq!(value, without[i], "{bad}, lane {lane} at {at}");
+                    let apart = at.x.abs_diff(place.x).max(at.y.abs_diff(place.y));
+                    assert!(apart <= 3 || value == plain[i], "{bad}, {lane} at {at}");
+                }
+            }
+        }
+        let own = without[(place.y * SIZE.x + place.x) as usize];
+        assert_eq!(own, bumpy(place).value);
     }
 
     /// Trap: pixels outside the image read as 0 darken the border.

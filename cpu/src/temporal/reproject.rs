@@ -39,6 +39,12 @@ pub const REPROJECT_FOCUS: f32 = 0.015625;
 /// Smallest deviation that counts, relative to the signal.
 pub const REPROJECT_DEVIATION: f32 = 0.03125;
 
+/// Bits of 2^60, from where on a position, a depth or a curvature is none.
+const REPROJECT_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2, from where on a normal is none.
+const REPROJECT_NORMAL_BITS: u32 = 0x4000_0000;
+
 /// Limits of the tests that suit most scenes.
 pub const REPROJECT_TOLERANCE: ReprojectTolerance = ReprojectTolerance {
     plane: 0.01,
@@ -763,6 +769,26 @@ pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
     }
 }
 
+/// The largest component's bits, without its sign.
+#[inline(always)]
+fn reproject_size(v: Vec3) -> u32 {
+    let x = v.x.to_bits() & 0x7fff_ffff;
+    let y = v.y.to_bits() & 0x7fff_ffff;
+    let z = v.z.to_bits() & 0x7fff_ffff;
+    x.max(y).max(z)
+}
+
+/// Whether there is a surface, and its numbers are ones.
+#[inline(always)]
+fn reproject_usable(surface: ReprojectSurface) -> bool {
+    // By bits: every comparison with a NaN would pass the tests that follow.
+    let depth = surface.depth.to_bits();
+    reproject_size(surface.position) < REPROJECT_BITS
+        && reproject_size(surface.normal) < REPROJECT_NORMAL_BITS
+        && depth > 0
+        && depth < REPROJECT_BITS
+}
+
 /// 1 if a texel of the frame before shows the surface that should be there,
 /// else 0.
 ///
@@ -772,7 +798,9 @@ pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
 /// most `tolerance.plane` times the depth; distance of its normal from the
 /// expected one at most `tolerance.normal`. The surface and its normal are
 /// those of a sphere through `expected`, or of its plane: on it both distances
-/// are 0, at any angle and step.
+/// are 0, at any angle and step. A surface with a number that is none (NaN,
+/// infinity, 2^60 and more, a normal of 2 and more) matches nothing, nor does
+/// anything with such a curvature.
 ///
 /// Error analysis: the offset is a difference of positions, so the height errs
 /// by an ULP of the offset; a texel within that of the limit may fall on either
@@ -804,7 +832,10 @@ pub fn reproject_matches(
     found: ReprojectSurface,
     tolerance: ReprojectTolerance,
 ) -> u32 {
-    if expected.depth <= 0.0 || found.depth <= 0.0 || expected.mesh != found.mesh {
+    if !reproject_usable(expected) || !reproject_usable(found) || expected.mesh != found.mesh {
+        return 0;
+    }
+    if (curvature.to_bits() & 0x7fff_ffff) >= REPROJECT_BITS {
         return 0;
     }
     let to = Vec3::new(
@@ -920,7 +951,7 @@ pub fn reproject_find<P>(
 where
     P: Fn(UVec2) -> ReprojectSurface,
 {
-    if expected.depth <= 0.0 {
+    if !reproject_usable(expected) {
         return REPROJECT_NO_TAPS;
     }
     let near = reproject_tested(
@@ -1092,7 +1123,7 @@ where
 /// object or none.
 #[inline(always)]
 fn reproject_step(from: ReprojectSurface, to: ReprojectSurface) -> ReprojectBend {
-    if to.depth <= 0.0 || to.mesh != from.mesh {
+    if !reproject_usable(to) || to.mesh != from.mesh {
         return ReprojectBend {
             along: Vec3::ZERO,
             turn: Vec3::ZERO,
@@ -1169,7 +1200,7 @@ where
         return across;
     }
     let centre = read_surface(pixel);
-    if centre.depth <= 0.0 {
+    if !reproject_usable(centre) {
         return across;
     }
     let mut left = across;
@@ -1273,7 +1304,7 @@ where
         return Vec2::splat(REPROJECT_NOWHERE);
     }
     let mirror = read_surface(pixel);
-    if mirror.depth <= 0.0 {
+    if !reproject_usable(mirror) {
         return Vec2::splat(REPROJECT_NOWHERE);
     }
     // The camera of now at the place of then: movement without turning.
@@ -1487,6 +1518,94 @@ mod tests {
 
     fn weight(taps: ReprojectTaps) -> f32 {
         listed(taps).iter().map(|t| t.1).sum()
+    }
+
+    /// What no number of a surface may be, in each of them.
+    fn broken(surface: ReprojectSurface) -> impl Iterator<Item = ReprojectSurface> {
+        let numbers = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30];
+        numbers.into_iter().flat_map(move |bad| {
+            (0..7).map(move |lane| {
+                let mut s = surface;
+                match lane {
+                    0..=2 => s.position[lane] = bad,
+                    3..=5 => s.normal[lane - 3] = bad,
+                    _ => s.depth = bad,
+                }
+                s
+            })
+        })
+    }
+
+    #[test]
+    fn a_bad_surface_matches_nothing() {
+        let wall = flat(UVec2::ONE);
+        let loose = ReprojectTolerance {
+            plane: 1e9,
+            normal: 2.0,
+        };
+        for tolerance in [REPROJECT_TOLERANCE, loose] {
+            assert_eq!(reproject_matches(wall, 0.1, wall, tolerance), 1);
+            for bad in broken(wall) {
+                for curvature in [0.0, 0.1] {
+                    let found = reproject_matches(wall, curvature, bad, tolerance);
+                    let expected = reproject_matches(bad, curvature, wall, tolerance);
+                    let both = reproject_matches(bad, curvature, bad, tolerance);
+                    assert_eq!((found, expected, both), (0, 0, 0), "{bad:?}");
+                }
+            }
+            for bent in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+                assert_eq!(reproject_matches(wall, bent, wall, tolerance), 0);
+            }
+        }
+    }
+
+    /// As if it had no surface, in either frame: no history of its own, and a
+    /// texel less for those whose footprint holds it.
+    #[test]
+    fn a_bad_surface_is_none() {
+        let (place, size) = (UVec2::new(4, 3), UVec2::new(9, 7));
+        let read = |at: UVec2| ReprojectHistory {
+            value: (at.x + 10 * at.y) as f32,
+            length: 8.0,
+        };
+        let history = |at, motion, expected, prior: &dyn Fn(UVec2) -> ReprojectSurface| {
+            reproject_pixel(
+                at,
+                size,
+                motion,
+                expected,
+                0.0,
+                REPROJECT_TOLERANCE,
+                prior,
+                read,
+            )
+        };
+        let swap = |s: ReprojectSurface| move |at| if at == place { s } else { flat(at) };
+        let none = ReprojectSurface {
+            depth: 0.0,
+            ..flat(place)
+        };
+        let motions = [Vec2::ZERO, Vec2::new(0.25, -0.5), Vec2::new(-1.0, 1.0)];
+        for (bad, motion) in broken(flat(place)).flat_map(|b| motions.map(|m| (b, m))) {
+            for at in every(size) {
+                let found = history(at, motion, flat(at), &swap(bad));
+                let case = format!("{bad:?}, {motion} at {at}");
+                assert_eq!(found, history(at, motion, flat(at), &swap(none)), "{case}");
+                // Where the footprint misses it (3 x 3 at most) nothing changes.
+                let apart = (at.as_vec2() + motion - place.as_vec2()).abs();
+                if apart.max_element() >= 1.5 {
+                    assert_eq!(found, history(at, motion, flat(at), &flat), "{case}");
+                }
+                let bend = reproject_bend(at, size, Vec2::new(1.0, 0.5), swap(bad));
+                let want = reproject_bend(at, size, Vec2::new(1.0, 0.5), swap(none));
+                assert_eq!(bend, want, "{case}");
+            }
+            assert_eq!(history(place, motion, bad, &flat).length, 0.0);
+            let now = camera(Vec3::new(4.0, 3.0, 5.0), Vec3::new(4.0, 3.5, 0.0));
+            let then = camera(Vec3::new(4.1, 3.0, 5.0), Vec3::new(4.0, 3.5, 0.0));
+            let moved = reproject_reflection_motion(place, size, 1.0, now, then, swap(bad));
+            assert_eq!(moved, Vec2::splat(REPROJECT_NOWHERE));
+        }
     }
 
     #[test]

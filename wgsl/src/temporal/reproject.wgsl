@@ -26,6 +26,10 @@ const REPROJECT_COVERAGE: f32 = 0.01;
 const REPROJECT_FOCUS: f32 = 0.015625;
 // Smallest deviation that counts, relative to the signal.
 const REPROJECT_DEVIATION: f32 = 0.03125;
+// Bits of 2^60, from where on a position, a depth or a curvature is none.
+const REPROJECT_BITS: u32 = 0x5d800000u;
+// Bits of 2, from where on a normal is none.
+const REPROJECT_NORMAL_BITS: u32 = 0x40000000u;
 
 // What a G-buffer knows of a pixel.
 struct ReprojectSurface {
@@ -327,18 +331,40 @@ fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
     );
 }
 
+// The largest component's bits, without its sign.
+fn reproject_size(v: vec3f) -> u32 {
+    let x = bitcast<u32>(v.x) & 0x7fffffffu;
+    let y = bitcast<u32>(v.y) & 0x7fffffffu;
+    let z = bitcast<u32>(v.z) & 0x7fffffffu;
+    return max(max(x, y), z);
+}
+
+// Whether there is a surface, and its numbers are ones.
+fn reproject_usable(surface: ReprojectSurface) -> bool {
+    // By bits: every comparison with a NaN would pass the tests that follow.
+    let depth = bitcast<u32>(surface.depth);
+    return reproject_size(surface.position) < REPROJECT_BITS
+        && reproject_size(surface.normal) < REPROJECT_NORMAL_BITS
+        && depth > 0u
+        && depth < REPROJECT_BITS;
+}
+
 // 1 if a texel of the frame before shows the surface that should be there, else
 // 0. expected is the pixel's own surface, moved back to where it was then;
 // curvature as in reproject_curvature, 0 for flat. Same mesh; distance from the
 // surface at most tolerance.plane times the depth; distance of its normal from
-// the expected one at most tolerance.normal.
+// the expected one at most tolerance.normal. A surface with a number that is
+// none matches nothing, nor does anything with such a curvature.
 fn reproject_matches(
     expected: ReprojectSurface,
     curvature: f32,
     found: ReprojectSurface,
     tolerance: ReprojectTolerance,
 ) -> u32 {
-    if expected.depth <= 0.0 || found.depth <= 0.0 || expected.mesh != found.mesh {
+    if !reproject_usable(expected) || !reproject_usable(found) || expected.mesh != found.mesh {
+        return 0u;
+    }
+    if (bitcast<u32>(curvature) & 0x7fffffffu) >= REPROJECT_BITS {
         return 0u;
     }
     let to = vec3f(
@@ -400,7 +426,7 @@ fn reproject_find(
     curvature: f32,
     tolerance: ReprojectTolerance,
 ) -> ReprojectTaps {
-    if expected.depth <= 0.0 {
+    if !reproject_usable(expected) {
         return REPROJECT_NO_TAPS;
     }
     let near = reproject_tested(
@@ -480,7 +506,7 @@ fn reproject_pixel(
 // The step from a pixel's surface to a neighbour's, or 0 if that is another
 // object or none.
 fn reproject_step(centre: ReprojectSurface, to: ReprojectSurface) -> ReprojectBend {
-    if to.depth <= 0.0 || to.mesh != centre.mesh {
+    if !reproject_usable(to) || to.mesh != centre.mesh {
         return ReprojectBend(vec3f(0.0, 0.0, 0.0), vec3f(0.0, 0.0, 0.0));
     }
     return ReprojectBend(to.position - centre.position, to.normal - centre.normal);
@@ -507,7 +533,7 @@ fn reproject_bend(pixel: vec2u, size: vec2u, parallax: vec2f) -> ReprojectBend {
         return nothing;
     }
     let centre = reproject_read_surface(pixel);
-    if centre.depth <= 0.0 {
+    if !reproject_usable(centre) {
         return nothing;
     }
     var left = nothing;
@@ -560,7 +586,7 @@ fn reproject_reflection_motion(
         return vec2f(REPROJECT_NOWHERE, REPROJECT_NOWHERE);
     }
     let mirror = reproject_read_surface(pixel);
-    if mirror.depth <= 0.0 {
+    if !reproject_usable(mirror) {
         return vec2f(REPROJECT_NOWHERE, REPROJECT_NOWHERE);
     }
     // The camera of now at the place of then: movement without turning.
