@@ -379,11 +379,12 @@ modules! {
                 "fn bilateral_upsample_read_tap(at: vec2u) -> BilateralUpsampleTap"
             } "bilateral_upsample.bindings.wgsl"
             textures "bilateral_upsample.textures.wgsl" ["math/octahedral", "ray/camera"];
-        BILATERAL_VARIANCE "bilateral_variance" ["math/exponent", "math/trig", "math/vector"]
+        BILATERAL_VARIANCE "bilateral_variance"
+            ["math/exponent", "math/sanitize", "math/trig", "math/vector"]
             {
                 "fn bilateral_variance_read(at: vec2u) -> BilateralVariancePixel"
             } "bilateral_variance.bindings.wgsl"
-            textures "bilateral_variance.textures.wgsl" ["math/octahedral", "math/sanitize", "ray/camera"];
+            textures "bilateral_variance.textures.wgsl" ["math/octahedral", "ray/camera"];
         FIREFLY "firefly" ["math/sanitize"]
             {
                 "fn firefly_read(at: vec2u) -> vec3f"
@@ -407,13 +408,13 @@ modules! {
             } "spatial_reconstruct.bindings.wgsl" "spatial_reconstruct.weight.wgsl"
             textures "spatial_reconstruct.textures.wgsl" "spatial_reconstruct.weight.wgsl"
                 ["math/octahedral", "math/sanitize", "ray/camera"];
-        SVGF "svgf" ["math/exponent", "math/luminance", "math/vector"]
+        SVGF "svgf" ["math/exponent", "math/luminance", "math/sanitize", "math/vector"]
             {
                 "fn svgf_read_surface(at: vec2u) -> SvgfSurface",
                 "fn svgf_read_color(at: vec2u) -> SvgfColor",
                 "fn svgf_read_scalar(at: vec2u) -> SvgfScalar"
             } "svgf.bindings.wgsl"
-            textures "svgf.textures.wgsl" ["math/octahedral", "math/sanitize", "ray/camera"];
+            textures "svgf.textures.wgsl" ["math/octahedral", "ray/camera"];
         TILES "tiles" []
             {
                 "fn tiles_read_pixel(at: vec2u) -> u32",
@@ -428,7 +429,7 @@ modules! {
                 "fn surfel_read(entry: u32) -> Surfel",
                 "fn surfel_read_irradiance(entry: u32) -> vec3f"
             } "surfel.bindings.wgsl";
-        SURFEL_GRID "surfel_grid" ["gi/surfel", "random/pcg"];
+        SURFEL_GRID "surfel_grid" ["gi/surfel", "math/sanitize", "random/pcg"];
         SURFEL_IRRADIANCE "surfel_irradiance"
             ["gi/surfel", "math/vector", "random/pcg", "sample/basis", "sample/hemisphere"];
     }

@@ -8,7 +8,7 @@
 use glam::{UVec2, Vec2, Vec3};
 
 use crate::math::exponent::exp2_poly;
-use crate::math::sanitize::sanitize_vector;
+use crate::math::sanitize::{sanitize_vector, usable_surface};
 use crate::math::vector::vec3_dot;
 
 /// Weight that the nearest value has in any case, 2^-24: it decides where
@@ -20,12 +20,6 @@ pub const BILATERAL_UPSAMPLE_NORMAL: f32 = 64.0;
 
 /// Largest value of a channel; larger ones count as this.
 pub const BILATERAL_UPSAMPLE_MAX: f32 = 1e8;
-
-/// Bits of 2^60, from where on a position, a reach or a weight is none.
-const BILATERAL_UPSAMPLE_BITS: u32 = 0x5d80_0000;
-
-/// Bits of 2, from where on a normal is none.
-const BILATERAL_UPSAMPLE_NORMAL_BITS: u32 = 0x4000_0000;
 
 /// log2 e.
 const LOG2_E: f32 = 1.442695;
@@ -210,35 +204,6 @@ pub fn bilateral_upsample_weight(
     exp2_poly(-LOG2_E * shape)
 }
 
-/// The largest component's bits, without its sign.
-#[inline(always)]
-fn bilateral_upsample_size(v: Vec3) -> u32 {
-    let x = v.x.to_bits() & 0x7fff_ffff;
-    let y = v.y.to_bits() & 0x7fff_ffff;
-    let z = v.z.to_bits() & 0x7fff_ffff;
-    x.max(y).max(z)
-}
-
-/// Whether there is a surface, and its numbers are ones.
-#[inline(always)]
-fn bilateral_upsample_surface_usable(surface: BilateralUpsampleSurface) -> bool {
-    let reach = surface.reach.to_bits();
-    bilateral_upsample_size(surface.position) < BILATERAL_UPSAMPLE_BITS
-        && bilateral_upsample_size(surface.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
-        && reach > 0
-        && reach < BILATERAL_UPSAMPLE_BITS
-}
-
-/// Whether a value has any weight, and a surface whose numbers are ones.
-#[inline(always)]
-fn bilateral_upsample_tap_usable(tap: BilateralUpsampleTap) -> bool {
-    let weight = tap.weight.to_bits();
-    bilateral_upsample_size(tap.position) < BILATERAL_UPSAMPLE_BITS
-        && bilateral_upsample_size(tap.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
-        && weight > 0
-        && weight < BILATERAL_UPSAMPLE_BITS
-}
-
 /// What has been summed up so far.
 #[derive(Clone, Copy)]
 struct BilateralUpsampleSum {
@@ -334,7 +299,7 @@ where
     }
     let place = bilateral_upsample_place(pixel, scale);
     let surface = read_surface(pixel);
-    let sound = bilateral_upsample_surface_usable(surface);
+    let sound = usable_surface(surface.position, surface.normal, surface.reach);
     let nearest = UVec2::new(
         place.near.x.min(low_size.x - 1),
         place.near.y.min(low_size.y - 1),
@@ -364,7 +329,7 @@ where
             continue;
         }
         let tap = read_tap(at);
-        if !sound || !bilateral_upsample_tap_usable(tap) {
+        if (sound & usable_surface(tap.position, tap.normal, tap.weight)) == 0 {
             continue;
         }
         let offset = Vec3::new(

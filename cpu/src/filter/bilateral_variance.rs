@@ -11,6 +11,7 @@
 use glam::{UVec2, Vec2, Vec3};
 
 use crate::math::exponent::exp2_poly;
+use crate::math::sanitize::usable_surface;
 use crate::math::trig::sincos_turn;
 use crate::math::vector::vec3_dot;
 
@@ -32,12 +33,6 @@ const LOG2_E: f32 = 1.442695;
 
 /// Bits of 2^60, from where on a channel is none.
 const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d80_0000;
-
-/// Bits of 2^60, from where on a position, a reach is none.
-const BILATERAL_VARIANCE_SURFACE_BITS: u32 = 0x5d80_0000;
-
-/// Bits of 2, from where on a normal is none.
-const BILATERAL_VARIANCE_NORMAL_BITS: u32 = 0x4000_0000;
 
 /// Bits of 2^120, from where on a variance is none.
 const BILATERAL_VARIANCE_BITS: u32 = 0x7b80_0000;
@@ -123,25 +118,6 @@ pub fn bilateral_variance_usable(color: Vec3) -> u32 {
     u32::from((color.x.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
         & u32::from((color.y.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
         & u32::from((color.z.to_bits() & 0x7fff_ffff) < BILATERAL_VARIANCE_COLOR_BITS)
-}
-
-/// The largest component's bits, without its sign.
-#[inline(always)]
-fn bilateral_variance_size(v: Vec3) -> u32 {
-    let x = v.x.to_bits() & 0x7fff_ffff;
-    let y = v.y.to_bits() & 0x7fff_ffff;
-    let z = v.z.to_bits() & 0x7fff_ffff;
-    x.max(y).max(z)
-}
-
-/// Whether there is a surface, and its numbers are ones.
-#[inline(always)]
-fn bilateral_variance_surface_usable(pixel: BilateralVariancePixel) -> bool {
-    let reach = pixel.reach.to_bits();
-    bilateral_variance_size(pixel.position) < BILATERAL_VARIANCE_SURFACE_BITS
-        && bilateral_variance_size(pixel.normal) < BILATERAL_VARIANCE_NORMAL_BITS
-        && reach > 0
-        && reach < BILATERAL_VARIANCE_SURFACE_BITS
 }
 
 /// Weighted mean of two numbers `>= 0`, never outside them.
@@ -365,7 +341,7 @@ where
         sum = 0.0;
     }
     let mut taps = bilateral_variance_taps(radius, max_taps);
-    if !bilateral_variance_surface_usable(centre) {
+    if usable_surface(centre.position, centre.normal, centre.reach) == 0 {
         taps = 0;
     }
     let mut i = 1;
@@ -378,7 +354,10 @@ where
             continue;
         }
         let tap = read(UVec2::new(x as u32, y as u32));
-        if !bilateral_variance_surface_usable(tap) || bilateral_variance_usable(tap.color) == 0 {
+        if (usable_surface(tap.position, tap.normal, tap.reach)
+            & bilateral_variance_usable(tap.color))
+            == 0
+        {
             continue;
         }
         let to = tap.position - centre.position;

@@ -13,7 +13,7 @@
 use glam::{UVec2, Vec3};
 
 use crate::math::exponent::exp2_poly;
-use crate::math::sanitize::sanitize_finite;
+use crate::math::sanitize::{sanitize_finite, usable_surface};
 use crate::math::vector::vec3_dot;
 
 /// Largest radius in pixels.
@@ -24,12 +24,6 @@ pub const SEPARABLE_BLUR_NORMAL: f32 = 64.0;
 
 /// Largest value; larger ones count as this.
 pub const SEPARABLE_BLUR_MAX: f32 = 1e8;
-
-/// Bits of 2^60, from where on a position, a reach is none.
-const SEPARABLE_BLUR_BITS: u32 = 0x5d80_0000;
-
-/// Bits of 2, from where on a normal is none.
-const SEPARABLE_BLUR_NORMAL_BITS: u32 = 0x4000_0000;
 
 /// log2 e.
 const LOG2_E: f32 = 1.442695;
@@ -128,25 +122,6 @@ fn separable_blur_clean(value: f32) -> f32 {
     v.min(SEPARABLE_BLUR_MAX)
 }
 
-/// The largest component's bits, without its sign.
-#[inline(always)]
-fn separable_blur_size(v: Vec3) -> u32 {
-    let x = v.x.to_bits() & 0x7fff_ffff;
-    let y = v.y.to_bits() & 0x7fff_ffff;
-    let z = v.z.to_bits() & 0x7fff_ffff;
-    x.max(y).max(z)
-}
-
-/// Whether there is a surface, and its numbers are ones.
-#[inline(always)]
-fn separable_blur_usable(pixel: SeparableBlurPixel) -> bool {
-    let reach = pixel.reach.to_bits();
-    separable_blur_size(pixel.position) < SEPARABLE_BLUR_BITS
-        && separable_blur_size(pixel.normal) < SEPARABLE_BLUR_NORMAL_BITS
-        && reach > 0
-        && reach < SEPARABLE_BLUR_BITS
-}
-
 /// The weight of a tap, 0 if its value or its surface does not count.
 #[inline(always)]
 fn separable_blur_tap(
@@ -155,7 +130,9 @@ fn separable_blur_tap(
     distance: u32,
     radius: u32,
 ) -> f32 {
-    if separable_blur_clean(tap.value) < 0.0 || !separable_blur_usable(tap) {
+    if separable_blur_clean(tap.value) < 0.0
+        || usable_surface(tap.position, tap.normal, tap.reach) == 0
+    {
         return 0.0;
     }
     let offset = Vec3::new(
@@ -219,7 +196,7 @@ where
     }
     let centre = read(pixel);
     let own = separable_blur_clean(centre.value);
-    if !separable_blur_usable(centre) {
+    if usable_surface(centre.position, centre.normal, centre.reach) == 0 {
         return own.max(0.0);
     }
     let mut sum = 0.0;

@@ -24,6 +24,7 @@ use glam::{UVec2, Vec2, Vec3};
 
 use crate::math::exponent::exp2_poly;
 use crate::math::luminance::luminance;
+use crate::math::sanitize::{magnitude_bits, usable_surface};
 use crate::math::vector::vec3_dot;
 
 /// Part of the luminance that counts as a deviation where the variance is 0.
@@ -43,8 +44,6 @@ pub const SVGF_VALUE_MAX: f32 = 1152921504606846976.0;
 pub(crate) const VALUE_BITS: u32 = 0x5d80_0000;
 /// Bits of 2^121.
 pub(crate) const VARIANCE_BITS: u32 = 0x7c00_0000;
-/// Bits of 2.
-pub(crate) const NORMAL_BITS: u32 = 0x4000_0000;
 /// Least sum of weights to divide by, 2^-40.
 pub(crate) const TOTAL_MIN: f32 = 9.094947e-13;
 /// Where a weight ends: `2^-40`.
@@ -239,10 +238,7 @@ impl Signal for Vec3 {
     }
     #[inline(always)]
     fn size_bits(self) -> u32 {
-        self.x
-            .size_bits()
-            .max(self.y.size_bits())
-            .max(self.z.size_bits())
+        magnitude_bits(self)
     }
     #[inline(always)]
     fn lower(self, other: Self) -> Self {
@@ -514,11 +510,7 @@ fn svgf_inside(x: i32, y: i32, size: UVec2) -> bool {
 /// Whether there is a surface, and its numbers are ones.
 #[inline(always)]
 fn svgf_surface_usable(surface: SvgfSurface) -> bool {
-    let reach = surface.reach.to_bits();
-    surface.position.size_bits() < VALUE_BITS
-        && surface.normal.size_bits() < NORMAL_BITS
-        && reach > 0
-        && reach < VALUE_BITS
+    usable_surface(surface.position, surface.normal, surface.reach) != 0
 }
 
 /// Whether a variance is data.

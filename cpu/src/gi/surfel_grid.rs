@@ -14,6 +14,7 @@
 use glam::{UVec2, UVec3, UVec4, Vec3};
 
 use super::surfel::{SURFEL_LARGEST, Surfel, surfel_sound};
+use crate::math::sanitize::magnitude_bits;
 use crate::random::pcg::pcg4d;
 
 /// The slot of what is in no cell.
@@ -84,15 +85,6 @@ pub struct SurfelGridRange {
     pub low: UVec3,
     /// How many along each axis, at most [`SURFEL_GRID_SPAN`]; 0: none.
     pub span: UVec3,
-}
-
-/// Largest of three magnitudes as bits: NaN and infinity have the largest ones.
-#[inline(always)]
-fn surfel_grid_bits(v: Vec3) -> u32 {
-    let x = v.x.to_bits() & 0x7fff_ffff;
-    let y = v.y.to_bits() & 0x7fff_ffff;
-    let z = v.z.to_bits() & 0x7fff_ffff;
-    x.max(y).max(z)
 }
 
 /// The level of what is so far from the origin, in units of level 0's reach.
@@ -253,7 +245,7 @@ pub fn surfel_grid_slot(coordinate: UVec3, level: u32, grid: SurfelGrid) -> u32 
 #[inline]
 #[must_use]
 pub fn surfel_grid_find(point: Vec3, grid: SurfelGrid) -> u32 {
-    if surfel_grid_bits(point) > SURFEL_LARGEST.to_bits() {
+    if magnitude_bits(point) > SURFEL_LARGEST.to_bits() {
         return SURFEL_GRID_NOWHERE;
     }
     let level = surfel_grid_level(point, grid);

@@ -5,6 +5,13 @@
 
 use glam::Vec3;
 
+/// Bits of 2^60, from where on [`usable_surface`] takes a number for none: what is
+/// below it, squared and summed, stays finite.
+pub const USABLE_BITS: u32 = 0x5d80_0000;
+
+/// Bits of 2, from where on it takes a normal for none.
+pub const USABLE_NORMAL_BITS: u32 = 0x4000_0000;
+
 /// 1 if the bits are those of a finite `f32`, else 0 (NaN or infinity).
 ///
 /// ```
@@ -72,6 +79,50 @@ pub fn sanitize_vector(v: Vec3, fallback: Vec3) -> Vec3 {
         return fallback;
     }
     v
+}
+
+/// The bits of the component that is largest in size, without its sign: ordered
+/// like the sizes, infinity above all numbers, NaN above infinity. Exact.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::math::sanitize::magnitude_bits;
+///
+/// assert_eq!(magnitude_bits(Vec3::new(1.0, -3.0, 2.0)), 3.0_f32.to_bits());
+/// assert!(magnitude_bits(Vec3::new(1.0, f32::NAN, 2.0)) > f32::INFINITY.to_bits());
+/// ```
+#[inline]
+#[must_use]
+pub fn magnitude_bits(v: Vec3) -> u32 {
+    let x = v.x.to_bits() & 0x7fff_ffff;
+    let y = v.y.to_bits() & 0x7fff_ffff;
+    let z = v.z.to_bits() & 0x7fff_ffff;
+    x.max(y).max(z)
+}
+
+/// 1 if a pixel has a surface whose numbers are ones, else 0: the position below
+/// 2^60 in size, the normal below 2, and `scale` (a depth, a reach, a weight; 0
+/// says that there is no surface) above 0 and below 2^60. Exact.
+///
+/// By bits, since a comparison with a NaN is false either way round, and WGSL
+/// lets an implementation assume that there is none.
+///
+/// ```
+/// use glam::Vec3;
+/// use raytwin_cpu::math::sanitize::usable_surface;
+///
+/// assert_eq!(usable_surface(Vec3::ONE, Vec3::Z, 0.1), 1);
+/// assert_eq!(usable_surface(Vec3::ONE, Vec3::Z, 0.0), 0);
+/// assert_eq!(usable_surface(Vec3::splat(f32::NAN), Vec3::Z, 0.1), 0);
+/// ```
+#[inline]
+#[must_use]
+pub fn usable_surface(position: Vec3, normal: Vec3, scale: f32) -> u32 {
+    let bits = scale.to_bits();
+    u32::from(magnitude_bits(position) < USABLE_BITS)
+        & u32::from(magnitude_bits(normal) < USABLE_NORMAL_BITS)
+        & u32::from(bits > 0)
+        & u32::from(bits < USABLE_BITS)
 }
 
 #[cfg(test)]

@@ -24,10 +24,11 @@ use glam::UVec2;
 
 use super::tiles::TileMask;
 use crate::filter::svgf::{
-    EXPONENT_MAX, FADE, LOG2_E, NORMAL, NORMAL_BITS, ROUND, STEEP, SVGF_VALUE_MAX, SvgfSettings,
-    SvgfSurface, TOTAL_MIN, VALUE_BITS, VARIANCE_BITS, svgf_falloff, svgf_luminance_scale,
+    EXPONENT_MAX, FADE, LOG2_E, NORMAL, ROUND, STEEP, SVGF_VALUE_MAX, SvgfSettings, SvgfSurface,
+    TOTAL_MIN, VALUE_BITS, VARIANCE_BITS, svgf_falloff, svgf_luminance_scale,
 };
 use crate::filter::tiles::{TILES_NONE, tiles_atrous_reach, tiles_reach, tiles_scalar_flags};
+use crate::math::sanitize::usable_surface;
 use crate::simd::{self, SimdLevel};
 
 /// Pixels that are worked on together.
@@ -808,15 +809,7 @@ impl<const C: usize> SvgfPass<C> {
         for_rows(self.surfaces.all_mut(), SURFACE * pitch, |y, row| {
             for x in 0..width {
                 let mut s = read(UVec2::new(x as u32, y as u32));
-                let bits = |v: glam::Vec3| {
-                    let size = |x: f32| x.to_bits() & 0x7fff_ffff;
-                    size(v.x).max(size(v.y)).max(size(v.z))
-                };
-                let reach = s.reach.to_bits();
-                let usable = bits(s.position) < VALUE_BITS
-                    && bits(s.normal) < NORMAL_BITS
-                    && reach > 0
-                    && reach < VALUE_BITS;
+                let usable = usable_surface(s.position, s.normal, s.reach) != 0;
                 if !usable {
                     s = SvgfSurface {
                         position: glam::Vec3::ZERO,

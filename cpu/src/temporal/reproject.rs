@@ -20,6 +20,7 @@ use glam::{UVec2, Vec2, Vec3, Vec4};
 
 use crate::math::exponent::exp2_poly;
 use crate::math::luminance::luminance;
+use crate::math::sanitize::{USABLE_BITS, usable_surface};
 use crate::math::vector::{vec3_cross, vec3_dot, vec3_normalize};
 use crate::ray::camera::Camera;
 
@@ -38,12 +39,6 @@ pub const REPROJECT_FOCUS: f32 = 0.015625;
 
 /// Smallest deviation that counts, relative to the signal.
 pub const REPROJECT_DEVIATION: f32 = 0.03125;
-
-/// Bits of 2^60, from where on a position, a depth or a curvature is none.
-const REPROJECT_BITS: u32 = 0x5d80_0000;
-
-/// Bits of 2, from where on a normal is none.
-const REPROJECT_NORMAL_BITS: u32 = 0x4000_0000;
 
 /// Limits of the tests that suit most scenes.
 pub const REPROJECT_TOLERANCE: ReprojectTolerance = ReprojectTolerance {
@@ -769,24 +764,10 @@ pub fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
     }
 }
 
-/// The largest component's bits, without its sign.
-#[inline(always)]
-fn reproject_size(v: Vec3) -> u32 {
-    let x = v.x.to_bits() & 0x7fff_ffff;
-    let y = v.y.to_bits() & 0x7fff_ffff;
-    let z = v.z.to_bits() & 0x7fff_ffff;
-    x.max(y).max(z)
-}
-
 /// Whether there is a surface, and its numbers are ones.
 #[inline(always)]
 fn reproject_usable(surface: ReprojectSurface) -> bool {
-    // By bits: every comparison with a NaN would pass the tests that follow.
-    let depth = surface.depth.to_bits();
-    reproject_size(surface.position) < REPROJECT_BITS
-        && reproject_size(surface.normal) < REPROJECT_NORMAL_BITS
-        && depth > 0
-        && depth < REPROJECT_BITS
+    usable_surface(surface.position, surface.normal, surface.depth) != 0
 }
 
 /// 1 if a texel of the frame before shows the surface that should be there,
@@ -835,7 +816,7 @@ pub fn reproject_matches(
     if !reproject_usable(expected) || !reproject_usable(found) || expected.mesh != found.mesh {
         return 0;
     }
-    if (curvature.to_bits() & 0x7fff_ffff) >= REPROJECT_BITS {
+    if (curvature.to_bits() & 0x7fff_ffff) >= USABLE_BITS {
         return 0;
     }
     let to = Vec3::new(

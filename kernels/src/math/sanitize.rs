@@ -31,6 +31,14 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
             _ => x.to_bits(),
         });
     let any = bits.clone().map(f32::from_bits);
+    // One in eight is not finite, one in eight too large.
+    let far_or_not = domains::log_range(1e-3, 1e3)
+        .and(domains::any_u32())
+        .map(|(x, w)| match w & 7 {
+            0 => f32::from_bits(NOT_FINITE[(w >> 3) as usize % NOT_FINITE.len()]),
+            1 => 1e30,
+            _ => x,
+        });
     let number = |bits: u32| {
         let magnitude = bits & 0x7fff_ffff;
         (magnitude < 0x7f80_0000).then(|| f64::from(f32::from_bits(bits)))
@@ -99,6 +107,62 @@ pub fn contract() -> Vec<crate::contract::Kernel> {
         .hard([
             (Vec3::splat(f32::MAX), Vec3::ZERO),
             (Vec3::new(0.0, 0.0, f32::INFINITY), Vec3::ONE),
+        ])
+        .source(SOURCE)
+        .build(),
+        Kernel::new(
+            "math/sanitize",
+            "magnitude_bits",
+            ["v"],
+            magnitude_bits,
+            // Numbers only: how NaNs are ordered has no truth but the bits.
+            |v: DVec3| (v.abs().max_element() as f32).to_bits(),
+            (domains::vec3(domains::signed_log_range(1e-30, 3e38)),),
+        )
+        .bit_exact()
+        .hard([
+            (Vec3::ZERO,),
+            (Vec3::new(-0.0, -f32::MAX, 1.0),),
+            (Vec3::new(1.0, 1.0, -f32::MIN_POSITIVE),),
+        ])
+        .source(SOURCE)
+        .build(),
+        Kernel::new(
+            "math/sanitize",
+            "usable_surface",
+            ["position", "normal", "scale"],
+            usable_surface,
+            |position: DVec3, normal: DVec3, scale: f64| {
+                let below = |v: DVec3, most: f64| v.to_array().iter().all(|x| x.abs() < most);
+                let far = 2f64.powi(60);
+                u32::from(below(position, far) && below(normal, 2.0) && scale > 0.0 && scale < far)
+            },
+            (
+                domains::vec3(far_or_not.clone()),
+                domains::vec3(domains::range(-1.0, 1.0)),
+                far_or_not,
+            ),
+        )
+        .bit_exact()
+        .by_analysis(
+            "WGSL defines no f32 parameter that holds a NaN, so no table covers this \
+             signature; the test itself is on bits and exact",
+        )
+        .hard(NOT_FINITE.map(|b| (Vec3::new(1.0, f32::from_bits(b), 2.0), Vec3::Z, 1.0)))
+        .hard(NOT_FINITE.map(|b| (Vec3::ONE, Vec3::new(0.0, 0.0, f32::from_bits(b)), 1.0)))
+        .hard(NOT_FINITE.map(|b| (Vec3::ONE, Vec3::Z, f32::from_bits(b))))
+        .hard([
+            (Vec3::ONE, Vec3::Z, 0.0),
+            (Vec3::ONE, Vec3::Z, -0.0),
+            (Vec3::ONE, Vec3::Z, -1.0),
+            (Vec3::splat(1e30), Vec3::Z, 1.0),
+            (Vec3::ONE, Vec3::splat(2.0), 1.0),
+            (
+                Vec3::splat(-1.1529214e18),
+                Vec3::splat(-1.9999999),
+                1.1529214e18,
+            ),
+            (Vec3::ONE, Vec3::Z, 1.1529215e18),
         ])
         .source(SOURCE)
         .build(),

@@ -12,10 +12,6 @@ const BILATERAL_UPSAMPLE_FLOOR: f32 = 5.9604645e-8;
 const BILATERAL_UPSAMPLE_NORMAL: f32 = 64.0;
 // Largest value of a channel; larger ones count as this.
 const BILATERAL_UPSAMPLE_MAX: f32 = 1e8;
-// Bits of 2^60, from where on a position, a reach or a weight is none.
-const BILATERAL_UPSAMPLE_BITS: u32 = 0x5d800000u;
-// Bits of 2, from where on a normal is none.
-const BILATERAL_UPSAMPLE_NORMAL_BITS: u32 = 0x40000000u;
 // log2 e.
 const BILATERAL_UPSAMPLE_LOG2_E: f32 = 1.442695;
 
@@ -112,32 +108,6 @@ fn bilateral_upsample_weight(
     return exp2_poly(-BILATERAL_UPSAMPLE_LOG2_E * shape);
 }
 
-// The largest component's bits, without its sign.
-fn bilateral_upsample_size(v: vec3f) -> u32 {
-    let x = bitcast<u32>(v.x) & 0x7fffffffu;
-    let y = bitcast<u32>(v.y) & 0x7fffffffu;
-    let z = bitcast<u32>(v.z) & 0x7fffffffu;
-    return max(max(x, y), z);
-}
-
-// Whether there is a surface, and its numbers are ones.
-fn bilateral_upsample_surface_usable(surface: BilateralUpsampleSurface) -> bool {
-    let reach = bitcast<u32>(surface.reach);
-    return bilateral_upsample_size(surface.position) < BILATERAL_UPSAMPLE_BITS
-        && bilateral_upsample_size(surface.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
-        && reach > 0u
-        && reach < BILATERAL_UPSAMPLE_BITS;
-}
-
-// Whether a value has any weight, and a surface whose numbers are ones.
-fn bilateral_upsample_tap_usable(tap: BilateralUpsampleTap) -> bool {
-    let weight = bitcast<u32>(tap.weight);
-    return bilateral_upsample_size(tap.position) < BILATERAL_UPSAMPLE_BITS
-        && bilateral_upsample_size(tap.normal) < BILATERAL_UPSAMPLE_NORMAL_BITS
-        && weight > 0u
-        && weight < BILATERAL_UPSAMPLE_BITS;
-}
-
 // Adds a colour; none of what is not finite or negative.
 fn bilateral_upsample_add(
     sum: BilateralUpsampleSum,
@@ -174,7 +144,7 @@ fn bilateral_upsample_pixel(pixel: vec2u, low_size: vec2u, scale: u32) -> vec3f 
     }
     let place = bilateral_upsample_place(pixel, scale);
     let surface = bilateral_upsample_read_surface(pixel);
-    let sound = bilateral_upsample_surface_usable(surface);
+    let sound = usable_surface(surface.position, surface.normal, surface.reach);
     let nearest = vec2u(min(place.near.x, low_size.x - 1u), min(place.near.y, low_size.y - 1u));
     var sum = BilateralUpsampleSum(
         vec3f(0.0, 0.0, 0.0),
@@ -203,7 +173,7 @@ fn bilateral_upsample_pixel(pixel: vec2u, low_size: vec2u, scale: u32) -> vec3f 
             continue;
         }
         let tap = bilateral_upsample_read_tap(at);
-        if !sound || !bilateral_upsample_tap_usable(tap) {
+        if (sound & usable_surface(tap.position, tap.normal, tap.weight)) == 0u {
             continue;
         }
         let offset = vec3f(

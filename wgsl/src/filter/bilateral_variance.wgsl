@@ -16,10 +16,6 @@ const BILATERAL_VARIANCE_COLOR: f32 = 16.0;
 const BILATERAL_VARIANCE_GOLDEN: u32 = 2654435769u;
 // Bits of 2^60, from where on a channel is none.
 const BILATERAL_VARIANCE_COLOR_BITS: u32 = 0x5d800000u;
-// Bits of 2^60, from where on a position, a reach is none.
-const BILATERAL_VARIANCE_SURFACE_BITS: u32 = 0x5d800000u;
-// Bits of 2, from where on a normal is none.
-const BILATERAL_VARIANCE_NORMAL_BITS: u32 = 0x40000000u;
 // Bits of 2^120, from where on a variance is none.
 const BILATERAL_VARIANCE_BITS: u32 = 0x7b800000u;
 // log2 e.
@@ -53,23 +49,6 @@ fn bilateral_variance_usable(color: vec3f) -> u32 {
     return select(0u, 1u, (bits.x & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS)
         & select(0u, 1u, (bits.y & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS)
         & select(0u, 1u, (bits.z & 0x7fffffffu) < BILATERAL_VARIANCE_COLOR_BITS);
-}
-
-// The largest component's bits, without its sign.
-fn bilateral_variance_size(v: vec3f) -> u32 {
-    let x = bitcast<u32>(v.x) & 0x7fffffffu;
-    let y = bitcast<u32>(v.y) & 0x7fffffffu;
-    let z = bitcast<u32>(v.z) & 0x7fffffffu;
-    return max(max(x, y), z);
-}
-
-// Whether there is a surface, and its numbers are ones.
-fn bilateral_variance_surface_usable(pixel: BilateralVariancePixel) -> bool {
-    let reach = bitcast<u32>(pixel.reach);
-    return bilateral_variance_size(pixel.position) < BILATERAL_VARIANCE_SURFACE_BITS
-        && bilateral_variance_size(pixel.normal) < BILATERAL_VARIANCE_NORMAL_BITS
-        && reach > 0u
-        && reach < BILATERAL_VARIANCE_SURFACE_BITS;
 }
 
 // Weighted mean of two numbers >= 0, never outside them.
@@ -175,7 +154,7 @@ fn bilateral_variance_pixel(
         sum = 0.0;
     }
     var taps = bilateral_variance_taps(radius, max_taps);
-    if !bilateral_variance_surface_usable(centre) {
+    if usable_surface(centre.position, centre.normal, centre.reach) == 0u {
         taps = 0u;
     }
     for (var i = 1u; i <= taps; i++) {
@@ -186,7 +165,7 @@ fn bilateral_variance_pixel(
             continue;
         }
         let tap = bilateral_variance_read(vec2u(u32(x), u32(y)));
-        if !bilateral_variance_surface_usable(tap) || bilateral_variance_usable(tap.color) == 0u {
+        if (usable_surface(tap.position, tap.normal, tap.reach) & bilateral_variance_usable(tap.color)) == 0u {
             continue;
         }
         let to = tap.position - centre.position;

@@ -10,10 +10,6 @@ const SEPARABLE_BLUR_MAX_RADIUS: u32 = 32u;
 const SEPARABLE_BLUR_NORMAL: f32 = 64.0;
 // Largest value; larger ones count as this.
 const SEPARABLE_BLUR_MAX: f32 = 1e8;
-// Bits of 2^60, from where on a position, a reach is none.
-const SEPARABLE_BLUR_BITS: u32 = 0x5d800000u;
-// Bits of 2, from where on a normal is none.
-const SEPARABLE_BLUR_NORMAL_BITS: u32 = 0x40000000u;
 // log2 e.
 const SEPARABLE_BLUR_LOG2_E: f32 = 1.442695;
 
@@ -69,23 +65,6 @@ fn separable_blur_clean(value: f32) -> f32 {
     return min(v, SEPARABLE_BLUR_MAX);
 }
 
-// The largest component's bits, without its sign.
-fn separable_blur_size(v: vec3f) -> u32 {
-    let x = bitcast<u32>(v.x) & 0x7fffffffu;
-    let y = bitcast<u32>(v.y) & 0x7fffffffu;
-    let z = bitcast<u32>(v.z) & 0x7fffffffu;
-    return max(max(x, y), z);
-}
-
-// Whether there is a surface, and its numbers are ones.
-fn separable_blur_usable(pixel: SeparableBlurPixel) -> bool {
-    let reach = bitcast<u32>(pixel.reach);
-    return separable_blur_size(pixel.position) < SEPARABLE_BLUR_BITS
-        && separable_blur_size(pixel.normal) < SEPARABLE_BLUR_NORMAL_BITS
-        && reach > 0u
-        && reach < SEPARABLE_BLUR_BITS;
-}
-
 // The weight of a tap, 0 if its value or its surface does not count.
 fn separable_blur_tap(
     centre: SeparableBlurPixel,
@@ -93,7 +72,7 @@ fn separable_blur_tap(
     distance: u32,
     radius: u32,
 ) -> f32 {
-    if separable_blur_clean(tap.value) < 0.0 || !separable_blur_usable(tap) {
+    if separable_blur_clean(tap.value) < 0.0 || usable_surface(tap.position, tap.normal, tap.reach) == 0u {
         return 0.0;
     }
     let offset = vec3f(
@@ -122,7 +101,7 @@ fn separable_blur_pixel(pixel: vec2u, size: vec2u, axis: u32, radius: u32) -> f3
     }
     let centre = separable_blur_read(pixel);
     let own = separable_blur_clean(centre.value);
-    if !separable_blur_usable(centre) {
+    if usable_surface(centre.position, centre.normal, centre.reach) == 0u {
         return max(own, 0.0);
     }
     var sum = 0.0;

@@ -30,8 +30,6 @@ const SVGF_VALUE_MAX: f32 = 1152921504606846976.0;
 const SVGF_VALUE_BITS: u32 = 0x5d800000u;
 // Bits of 2^121.
 const SVGF_VARIANCE_BITS: u32 = 0x7c000000u;
-// Bits of 2.
-const SVGF_NORMAL_BITS: u32 = 0x40000000u;
 // Least sum of weights to divide by, 2^-40.
 const SVGF_TOTAL_MIN: f32 = 9.094947e-13;
 // Largest step between taps, in pixels.
@@ -226,19 +224,12 @@ fn svgf_scalar_bits(value: f32) -> u32 {
 
 // The largest component's bits, without its sign.
 fn svgf_color_bits(value: vec3f) -> u32 {
-    return max(
-        max(svgf_scalar_bits(value.x), svgf_scalar_bits(value.y)),
-        svgf_scalar_bits(value.z),
-    );
+    return magnitude_bits(value);
 }
 
 // Whether there is a surface, and its numbers are ones.
 fn svgf_surface_usable(surface: SvgfSurface) -> bool {
-    let reach = bitcast<u32>(surface.reach);
-    return svgf_color_bits(surface.position) < SVGF_VALUE_BITS
-        && svgf_color_bits(surface.normal) < SVGF_NORMAL_BITS
-        && reach > 0u
-        && reach < SVGF_VALUE_BITS;
+    return usable_surface(surface.position, surface.normal, surface.reach) != 0u;
 }
 
 // Whether a variance is data.

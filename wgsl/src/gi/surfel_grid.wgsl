@@ -39,13 +39,6 @@ struct SurfelGridRange {
     span: vec3u,
 }
 
-fn surfel_grid_bits(v: vec3f) -> u32 {
-    let x = bitcast<u32>(v.x) & 0x7fffffffu;
-    let y = bitcast<u32>(v.y) & 0x7fffffffu;
-    let z = bitcast<u32>(v.z) & 0x7fffffffu;
-    return max(max(x, y), z);
-}
-
 fn surfel_grid_level_of(far: f32) -> u32 {
     if far < 1.0 {
         return 0u;
@@ -106,7 +99,7 @@ fn surfel_grid_slot(coordinate: vec3u, level: u32, grid: SurfelGrid) -> u32 {
 // The list that a point looks up; SURFEL_GRID_NOWHERE outside a dense grid and
 // for what is not finite.
 fn surfel_grid_find(point: vec3f, grid: SurfelGrid) -> u32 {
-    if surfel_grid_bits(point) > bitcast<u32>(SURFEL_LARGEST) {
+    if magnitude_bits(point) > bitcast<u32>(SURFEL_LARGEST) {
         return SURFEL_GRID_NOWHERE;
     }
     let level = surfel_grid_level(point, grid);

@@ -26,11 +26,6 @@ const REPROJECT_COVERAGE: f32 = 0.01;
 const REPROJECT_FOCUS: f32 = 0.015625;
 // Smallest deviation that counts, relative to the signal.
 const REPROJECT_DEVIATION: f32 = 0.03125;
-// Bits of 2^60, from where on a position, a depth or a curvature is none.
-const REPROJECT_BITS: u32 = 0x5d800000u;
-// Bits of 2, from where on a normal is none.
-const REPROJECT_NORMAL_BITS: u32 = 0x40000000u;
-
 // What a G-buffer knows of a pixel.
 struct ReprojectSurface {
     // Where its surface is, in the world.
@@ -331,22 +326,9 @@ fn reproject_tap(taps: ReprojectTaps, index: u32) -> ReprojectTap {
     );
 }
 
-// The largest component's bits, without its sign.
-fn reproject_size(v: vec3f) -> u32 {
-    let x = bitcast<u32>(v.x) & 0x7fffffffu;
-    let y = bitcast<u32>(v.y) & 0x7fffffffu;
-    let z = bitcast<u32>(v.z) & 0x7fffffffu;
-    return max(max(x, y), z);
-}
-
 // Whether there is a surface, and its numbers are ones.
 fn reproject_usable(surface: ReprojectSurface) -> bool {
-    // By bits: every comparison with a NaN would pass the tests that follow.
-    let depth = bitcast<u32>(surface.depth);
-    return reproject_size(surface.position) < REPROJECT_BITS
-        && reproject_size(surface.normal) < REPROJECT_NORMAL_BITS
-        && depth > 0u
-        && depth < REPROJECT_BITS;
+    return usable_surface(surface.position, surface.normal, surface.depth) != 0u;
 }
 
 // 1 if a texel of the frame before shows the surface that should be there, else
@@ -364,7 +346,7 @@ fn reproject_matches(
     if !reproject_usable(expected) || !reproject_usable(found) || expected.mesh != found.mesh {
         return 0u;
     }
-    if (bitcast<u32>(curvature) & 0x7fffffffu) >= REPROJECT_BITS {
+    if (bitcast<u32>(curvature) & 0x7fffffffu) >= USABLE_BITS {
         return 0u;
     }
     let to = vec3f(
