@@ -528,7 +528,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrors_and_exposure_change_nothing() {
+    fn a_turned_image_gives_the_turned_result_exactly() {
         for scale in [2, 4] {
             let low_size = SIZE / scale;
             let low_mirror = |p: UVec2| low_size - 1 - p;
@@ -542,14 +542,6 @@ mod tests {
                     noisy(low_mirror(p), scale)
                 });
                 assert_eq!(plain, mirrored, "{at}");
-                for k in [1.0 / 1024.0, 1024.0] {
-                    let bright = bilateral_upsample_pixel(at, low_size, scale, read, |p| {
-                        let mut tap = noisy(p, scale);
-                        tap.color *= k;
-                        tap
-                    });
-                    assert_eq!(bright, plain * k);
-                }
             }
         }
     }
@@ -657,9 +649,12 @@ mod tests {
 
     #[test]
     fn every_exposure_changes_nothing_but_the_scale() {
-        let (scale, low_size) = (4, SIZE / 4);
         let read = |p: UVec2| floor(p.x as f32, p.y as f32);
-        for at in pixels(SIZE) {
+        for (scale, at) in [2, 4]
+            .into_iter()
+            .flat_map(|s| pixels(SIZE).map(move |p| (s, p)))
+        {
+            let low_size = SIZE / scale;
             let plain = bilateral_upsample_pixel(at, low_size, scale, read, |p| noisy(p, scale));
             for power in -10..=10 {
                 let k = 2f32.powi(power);

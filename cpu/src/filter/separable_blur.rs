@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_transposed_and_brighter_images_follow() {
+    fn mirrored_and_transposed_images_give_the_same() {
         let mirror = |at: UVec2| SIZE - 1 - at;
         let turned = UVec2::new(SIZE.y, SIZE.x);
         let swap = |at: UVec2| UVec2::new(at.y, at.x);
@@ -344,14 +344,6 @@ mod tests {
                 let transposed =
                     separable_blur_pixel(swap(at), turned, 1, radius, |p| bumpy(swap(p)));
                 assert_eq!(plain, transposed, "{at}");
-                for k in [1.0 / 1024.0, 1024.0] {
-                    let bright = separable_blur_pixel(at, SIZE, 0, radius, |p| {
-                        let mut pixel = bumpy(p);
-                        pixel.value *= k;
-                        pixel
-                    });
-                    assert_eq!(plain * k, bright, "{at}");
-                }
             }
         }
     }
@@ -496,14 +488,14 @@ mod tests {
 
     #[test]
     fn the_exposure_changes_nothing_but_the_scale() {
-        for power in -10..=10 {
+        for (power, radius) in (-10..=10).flat_map(|p| [(p, 1), (p, 5)]) {
             let k = 2f32.powi(power);
             let bright = |p| SeparableBlurPixel {
                 value: bumpy(p).value * k,
                 ..bumpy(p)
             };
-            let plain = blurred(SIZE, 5, bumpy);
-            for (plain, other) in plain.iter().zip(blurred(SIZE, 5, bright)) {
+            let plain = blurred(SIZE, radius, bumpy);
+            for (plain, other) in plain.iter().zip(blurred(SIZE, radius, bright)) {
                 assert_eq!(plain * k, other);
             }
         }

@@ -292,21 +292,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn mirrors_and_exposure_change_nothing() {
-        let mirror = |at: UVec2| SIZE - 1 - at;
-        for at in pixels() {
-            let plain = taa_pixel(at, SIZE, history(at), 0.1, 1.0, color);
-            let read = |p: UVec2| color(mirror(p));
-            let mirrored = taa_pixel(mirror(at), SIZE, history(at), 0.1, 1.0, read);
-            assert_eq!(plain, mirrored);
-            for k in [1.0 / 1024.0, 1024.0] {
-                let bright = taa_pixel(at, SIZE, history(at) * k, 0.1, 1.0 / k, |p| color(p) * k);
-                assert_eq!(plain * k, bright);
-            }
-        }
-    }
-
     /// The clip leaves what is inside, puts the rest on the surface and, along
     /// the line to the centre, no further.
     #[test]
