@@ -21,7 +21,7 @@ struct Cli {
     #[arg(long, value_name = "PATH")]
     scene: Option<PathBuf>,
     /// Only kernels, stages and meshes with this in their name, such as
-    /// `math/trig`, `stages/kitchen`, `toy/sequences/soft_shadow/light_jumps` or
+    /// `math/trig`, `stages/kitchen`, `toy/sequences/soft-shadow/light-jumps` or
     /// `bvh/families`
     #[arg(long, value_name = "NAME")]
     only: Option<String>,

@@ -160,10 +160,11 @@ fn scene_entries(scene: &str) -> Vec<String> {
     entries
 }
 
-/// What `--only` calls a sequence: `stages/toy/sequences/soft_shadow/light_jumps`.
+/// What `--only` calls a sequence: `stages/toy/sequences/soft-shadow/light-jumps`,
+/// with hyphens, so that the name of a stage does not ask for its sequences.
 fn sequence_entry(scene: &str, signal: sequence::Signal, event: sequence::Event) -> String {
-    let event = event.name().replace(' ', "_");
-    stage_entry(scene, &format!("{SEQUENCES}/{}/{event}", signal.name()))
+    let name = format!("{}/{}", signal.name(), event.name()).replace(['_', ' '], "-");
+    stage_entry(scene, &format!("{SEQUENCES}/{name}"))
 }
 
 impl<'a> Run<'a> {
@@ -512,11 +513,9 @@ impl<'a> Run<'a> {
         let mut jobs = Vec::new();
         for signal in Signal::ALL {
             for event in Event::ALL.into_iter().filter(|e| possible(signal, *e)) {
-                // One that is named is wanted at any length.
-                let named = self.options.only.as_ref().is_some_and(|only| {
-                    only.to_lowercase()
-                        .contains(&event.name().replace(' ', "_"))
-                });
+                // What is asked for more closely than all sequences is wanted at
+                // any length.
+                let named = !self.only.takes(&stage_entry(&scene.scene.name, SEQUENCES));
                 let quick = named
                     || matches!(
                         (signal, event),

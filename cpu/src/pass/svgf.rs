@@ -1112,6 +1112,9 @@ impl<const C: usize> SvgfPass<C> {
         } else {
             ROWS * threads()
         };
+        // Each pass reads what the one before wrote, so the images change places
+        // after each; after an odd number they change once more, for the next
+        // rows to start from the same one.
         for front in (0..height + lag).step_by(rows) {
             for (step, lag) in &passes {
                 let row = |front: usize| front.saturating_sub(*lag).min(height);
