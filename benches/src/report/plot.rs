@@ -365,9 +365,14 @@ impl Label {
         let places = beside
             .clone()
             .chain(beside.map(|(x, y)| (-x - width, y)))
-            .chain([(-width / 2, -14), (-width / 2, 14)]);
+            .chain([(-width / 2, -14), (-width / 2, 14)])
+            // A line farther, where points crowd.
+            .chain([(8, -22), (8, 22), (-8 - width, -22), (-8 - width, 22)])
+            .chain([(-width / 2, -26), (-width / 2, 26)]);
         let cost = |covers: &[i32; 4]| {
-            let outside = covers[0] < left || covers[2] > right + 12;
+            let above = covers[1] < FRAME.1 - 12;
+            let outside =
+                covers[0] < left || covers[2] > right + 12 || above || covers[3] > FRAME.3;
             let hit = |t: &&[i32; 4]| {
                 t[0] < covers[2] && covers[0] < t[2] && t[1] < covers[3] && covers[1] < t[3]
             };
@@ -378,7 +383,7 @@ impl Label {
             [corner.0, corner.1 - 6, corner.0 + width, corner.1 + 6]
         };
         let covers = places.map(of).min_by_key(cost);
-        // There are eight.
+        // There are fourteen.
         let covers = covers.unwrap_or_else(|| of((8, 0)));
         Self {
             from: HPos::Left,
@@ -398,6 +403,13 @@ mod tests {
         assert_eq!(clear.at, (108, 50));
         let crowded = Label::place((100, 50), "seven", &[[110, 45, 120, 55]], (60, 600));
         assert!(crowded.covers[1] >= 55 || crowded.covers[3] <= 45 || crowded.covers[2] <= 110);
+        // Where all eight near places are taken there is one a line farther.
+        let full = Label::place((100, 50), "seven", &[[60, 30, 140, 66]], (0, 600));
+        assert!(
+            full.covers[1] >= 66 || full.covers[3] <= 30,
+            "{:?}",
+            full.covers
+        );
         let at_the_end = Label::place((590, 50), "a long name for it", &[], (60, 600));
         assert!(at_the_end.covers[2] <= 600);
     }
