@@ -307,7 +307,10 @@ impl Plot {
             for (p, label) in named.filter(|n| !n.1.is_empty()) {
                 let place = Label::place(p, label, &taken, (left, right));
                 taken.push(place.covers);
-                write(label, ink(11, place.from, VPos::Center), place.at)?;
+                // In the colour of its point, as several may be near.
+                let colour = PALETTE[series.colour % PALETTE.len()];
+                let style = ink(11, place.from, VPos::Center).color(&colour);
+                write(label, style, place.at)?;
             }
         }
         root.present().map_err(fail)
